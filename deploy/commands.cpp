@@ -2,7 +2,6 @@
 
 #include "model/error.hpp"
 #include "record/replay.hpp"
-#include "run/control.hpp"
 
 #include <fmt/core.h>
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "io/command_line.hpp"
+#include "model/exchange.hpp"
 #include "model/network.hpp"
 #include "physics/engine_exchange.hpp"
 #include "run/run.hpp"
@@ -41,5 +42,9 @@ struct ControlRequest {
 void add_control(CommandLine& line, ControlRequest& request);
 /// Sends the order. Throws `Error` (usage) where it lacks something, or has something that it does not take.
 void control(ControlRequest& request);
+
+/// Sends one order, with a new number, to the programs on a domain and prints their answers. Throws `Error`: middleware
+/// where there is no world within `wait_s`, failed where one refuses or does not answer within as long again.
+void send_control(const Network& network, Control order, double wait_s);
 
 }  // namespace subworld

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "device_sim/device.hpp"
+#include "device_sim/driver_check.hpp"
 #include "device_sim/driver_thread.hpp"
-#include "device_sim/reading_check.hpp"
 #include "io/program_results.hpp"
 #include "model/scene.hpp"
 

@@ -1,6 +1,6 @@
 #include "device_sim/driver_thread.hpp"
 
-#include "device_sim/reading_check.hpp"
+#include "device_sim/driver_check.hpp"
 #include "rt/newest.hpp"
 #include "rt/scheduling.hpp"
 
@@ -99,9 +99,10 @@ DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int
   exchange_->domain = domain;
   using Wanted = Exchange::Wanted;
   const auto serve = [](Exchange& x) {
-    const std::unique_ptr<DeviceDriver> driver = x.plugin->make();
+    std::unique_ptr<DeviceDriver> driver;
     bool renders = false;
     try {
+      driver = x.plugin->make();
       const DriverCapabilities capabilities = driver->open({x.settings, x.user, x.domain});
       if (const std::string fault = fault_of(capabilities); !fault.empty()) throw std::runtime_error(fault);
       x.last_report.capabilities = capabilities;
@@ -127,18 +128,12 @@ DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int
     } catch (...) {
       x.publish(Phase::lost, "an exception that is no std::exception");
     }
-    end(*driver, renders);
+    if (driver) end(*driver, renders);
   };
   std::thread([x = exchange_, serve] {
     (void)claim_realtime(priority::kDevice);
     while (!x->stop) {
-      try {
-        serve(*x);
-      } catch (const std::exception& lost) {
-        x->publish(Phase::lost, lost.what());
-      } catch (...) {
-        x->publish(Phase::lost, "make() threw");
-      }
+      serve(*x);
       const TimePoint again = Clock::now() + from_seconds(kRetry_s);
       while (!x->stop && Clock::now() < again) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }

@@ -17,17 +17,6 @@ namespace {
 constexpr double kMargin = 1.06;  // margin factor around the objects in the picture
 constexpr double kDegree = std::numbers::pi / 180.0;
 
-/// Of a symmetric 2 x 2 matrix, in closed form: Eigen's solver for any size takes seconds to compile.
-struct Principal {
-  double small, large;       ///< eigenvalues
-  Eigen::Vector2d of_large;  ///< unit eigenvector
-};
-Principal principal(const Eigen::Matrix2d& m) {
-  const double mean = 0.5 * (m(0, 0) + m(1, 1)), half = 0.5 * (m(0, 0) - m(1, 1));
-  const double radius = std::hypot(half, m(0, 1)), angle = 0.5 * std::atan2(m(0, 1), half);
-  return {mean - radius, mean + radius, {std::cos(angle), std::sin(angle)}};
-}
-
 // The horizontal axis along which the balls extend, if they extend along one more than across it.
 std::optional<Vec3> long_axis(std::span<const Ball> balls) {
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -39,12 +28,12 @@ std::optional<Vec3> long_axis(std::span<const Ball> balls) {
     spread += d * d.transpose() / static_cast<double>(balls.size());
     radius = std::max(radius, ball.radius);
   }
-  const Principal axes = principal(spread);
-  const double across = std::sqrt(std::max(0.0, axes.small));
-  const double along = std::sqrt(std::max(0.0, axes.large));
+  // The principal axes in closed form: Eigen's solver for any size takes seconds to compile.
+  const double mean_square = 0.5 * spread.trace(), half = 0.5 * (spread(0, 0) - spread(1, 1));
+  const double apart = std::hypot(half, spread(0, 1)), angle = 0.5 * std::atan2(spread(0, 1), half);
+  const double across = std::sqrt(std::max(0.0, mean_square - apart)), along = std::sqrt(mean_square + apart);
   if (along < 1.8 * across || along < 0.5 * radius) return std::nullopt;
-  Vec3 axis = Vec3::Zero();
-  axis.head<2>() = axes.of_large;
+  const Vec3 axis(std::cos(angle), std::sin(angle), 0.0);
   return axis.x() + 0.1 * axis.y() < 0.0 ? Vec3(-axis) : axis;
 }
 
@@ -103,26 +92,6 @@ Fit fit_pair(std::span<const Ball> balls, const Vec3& side, const Vec3& forward,
   return {-(plus + minus) / (2.0 * tangent), (plus - minus) / 2.0};
 }
 
-// Sideways position of the eye at which both edges are equally far from the objects, by bisection.
-double centred(std::span<const Ball> balls, const Vec3& side, const Vec3& forward, double along, double guess) {
-  const double span = enclosing_ball(balls).radius;
-  double low = guess - span;
-  double high = guess + span;
-  for (int k = 0; k < 40; ++k) {
-    const double aside = (low + high) / 2.0;
-    double most = -std::numeric_limits<double>::infinity();
-    double least = -most;
-    for (const auto& ball : balls) {
-      const double depth = std::max(forward.dot(ball.centre) - along, 1e-9);
-      const double s = side.dot(ball.centre) - aside;
-      most = std::max(most, (s + ball.radius) / depth);
-      least = std::min(least, (s - ball.radius) / depth);
-    }
-    (most + least > 0.0 ? low : high) = aside;
-  }
-  return (low + high) / 2.0;
-}
-
 }  // namespace
 
 CameraAxes axes_of(const Camera& camera) {
@@ -172,8 +141,7 @@ Camera fit_camera(std::span<const Ball> balls, const Vec3& focus, double aspect)
   const Fit wide = fit_pair(balls, axes.right, axes.forward, tangent * aspect);
   const Fit high = fit_pair(balls, axes.up, axes.forward, tangent);
   const double along = std::min(wide.along, high.along);
-  camera.eye = centred(balls, axes.right, axes.forward, along, wide.aside) * axes.right +
-               centred(balls, axes.up, axes.forward, along, high.aside) * axes.up + along * axes.forward;
+  camera.eye = wide.aside * axes.right + high.aside * axes.up + along * axes.forward;
   const double distance = axes.forward.dot(enclosing_ball(balls).centre) - along;
   camera.target = camera.eye + std::max(distance, 1e-6) * axes.forward;
   return camera;

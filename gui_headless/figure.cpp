@@ -1,10 +1,10 @@
 #include "figure.hpp"
 
-#include "impulse_lines.hpp"
 #include "model/shape_extent.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <unordered_map>
 
 namespace subworld {
@@ -15,6 +15,11 @@ constexpr double kFarthest_m = 1e7;  // farther bodies are not shown: floats are
 enum class Role : std::uint8_t { other, member, border, proxy };
 
 using Roles = std::unordered_map<std::uint32_t, Role>;
+
+/// Whether the inside body of the pair is a member. At a contact that may come soon it may be a ghost.
+bool pushes_member(const UserView& user, const BoundaryContact& pair) {
+  return std::ranges::find(user.members, pair.inside) != user.members.end();
+}
 
 Roles roles_of(std::span<const UserView> users) {
   Roles roles;
@@ -131,79 +136,166 @@ Vec3 mean_proxy(const std::vector<Item>& items, const Vec3& otherwise) {
 Colour colour_of(const Item& item) {
   switch (item.role) {
     case Role::proxy:
-      return kProxyColour;
+      return {0.86F, 0.12F, 0.10F};
     case Role::border:
-      return kBorderColour;
+      return {0.98F, 0.77F, 0.08F};
     case Role::member:
-      return kMemberColour;
+      return {0.16F, 0.42F, 0.84F};
     case Role::other:
       break;
   }
-  return item.body->fixed() ? kFixedColour : kOtherColour;
+  return item.body->fixed() ? Colour(0.66F, 0.71F, 0.76F) : Colour(0.85F, 0.86F, 0.87F);
 }
 
-Model model_of(const Shape& shape) {
-  switch (shape.kind) {
-    case ShapeKind::sphere:
-      return Model::sphere;
-    case ShapeKind::capsule:
-      return Model::capsule;
-    case ShapeKind::cylinder:
-      return Model::cylinder;
-    case ShapeKind::convex:
-    case ShapeKind::mesh:
-      return static_cast<Model>(static_cast<std::uint32_t>(Model::file) + shape.mesh);
-    case ShapeKind::box:
-    case ShapeKind::plane:
-      break;
+Solid::Layer layer_of(const Item& item) {
+  if (item.role == Role::proxy) return Solid::Layer::proxy;
+  if (item.role != Role::other) return Solid::Layer::member;
+  return item.body->fixed() && item.body->shape.kind == ShapeKind::box ? Solid::Layer::glass : Solid::Layer::other;
+}
+
+/// Triangles without area, with invalid indices or with non-finite vertices are omitted.
+void add_triangles(const Mesh& mesh, const Solid& body, std::vector<Solid>& solids) {
+  for (const auto& corners : mesh.triangles) {
+    const auto valid = [&](std::uint32_t v) { return v < mesh.vertices.size() && mesh.vertices[v].allFinite(); };
+    if (!std::ranges::all_of(corners, valid)) continue;
+    Eigen::Matrix3f at;
+    for (int i = 0; i < 3; ++i)
+      at.col(i) = body.turn * mesh.vertices[corners[static_cast<std::size_t>(i)]].cast<float>();
+    const Eigen::Vector3f middle = at.rowwise().mean();
+    if (!((at.col(1) - at.col(0)).cross(at.col(2) - at.col(0)).squaredNorm() > 0.0F)) continue;
+    Solid& one = solids.emplace_back(body);
+    one.form = Solid::Form::triangle;
+    one.turn.setIdentity();
+    one.centre += middle;
+    one.radius = (at.colwise() - middle).colwise().norm().maxCoeff();
+    one.triangle << at.col(0) - middle, at.col(1) - at.col(0), at.col(2) - at.col(0);
   }
-  return Model::box;
 }
 
-Instance instance_of(const Item& item, const Vec3& origin) {
+void add_solid(const Item& item, std::span<const Mesh> meshes, Figure& figure) {
   const Shape& shape = item.body->shape;
-  Instance instance;
-  Eigen::Map<Eigen::Vector3f>(instance.position.data()) = (item.state->position - origin).cast<float>();
-  Eigen::Map<Eigen::Vector4f>(instance.orientation.data()) =
-      item.state->orientation.normalized().coeffs().cast<float>();
-  Vec3 scale = Vec3::Ones();
-  if (shape.kind == ShapeKind::box) scale = shape.half_extents;
-  if (shape.kind == ShapeKind::sphere || shape.kind == ShapeKind::capsule) scale *= shape.radius;
-  if (shape.kind == ShapeKind::cylinder) scale = {shape.radius, shape.radius, shape.half_length};
-  if (shape.kind == ShapeKind::capsule) instance.half_length = static_cast<float>(shape.half_length);
-  Eigen::Map<Eigen::Vector3f>(instance.scale.data()) = scale.cast<float>();
-  instance.colour = colour_of(item);
-  return instance;
+  const auto radius = static_cast<float>(shape.radius), half = static_cast<float>(shape.half_length);
+  Solid solid{.layer = layer_of(item),
+              .centre = (item.state->position - figure.origin).cast<float>(),
+              .turn = item.state->orientation.normalized().toRotationMatrix().cast<float>(),
+              .size = shape.half_extents.cast<float>(),
+              .radius = static_cast<float>(item.radius),
+              .colour = colour_of(item)};
+  if (shape.kind == ShapeKind::convex || shape.kind == ShapeKind::mesh)
+    return add_triangles(meshes[shape.mesh], solid, figure.solids);
+  if (shape.kind == ShapeKind::cylinder) {
+    solid.form = Solid::Form::frustum;
+    solid.size = {radius, radius, half};
+  } else if (shape.kind != ShapeKind::box) {
+    solid.form = Solid::Form::capsule;
+    solid.size = {radius, shape.kind == ShapeKind::capsule ? half : 0.0F, 0.0F};
+  }
+  figure.solids.push_back(solid);
 }
 
 Ground ground_of(const Item& item, const Vec3& origin) {
   const Quat orientation = item.state->orientation.normalized();
   const Vec3 local = orientation.conjugate() * (origin - item.state->position);
-  const Vec3 below(local.x(), local.y(), 0.0);
-  return {item.state->position + orientation * below - origin, orientation, local.head<2>()};
+  const Vec3 at = item.state->position + orientation * Vec3(local.x(), local.y(), 0.0) - origin;
+  return {at.cast<float>(), orientation.toRotationMatrix().cast<float>(), local.head<2>()};
 }
 
-void place(const std::vector<Item>& items, Figure& figure) {
-  for (const auto& item : items) {
-    const ShapeKind kind = item.body->shape.kind;
-    if (kind == ShapeKind::plane) {
-      figure.grounds.push_back(ground_of(item, figure.origin));
-      continue;
+/// A border body's impulse: the sum of the border impulses on it.
+struct Line {
+  Vec3 from;
+  Vec3 impulse;
+  double body_radius;
+};
+
+std::vector<Line> lines_of(const Picture& picture, const std::vector<Item>& items) {
+  std::unordered_map<std::uint32_t, const Item*> drawn;
+  for (const Item& item : items) drawn.emplace(index(item.body->id), &item);
+  std::vector<Line> lines;
+  for (const auto& user : picture.users) {
+    std::map<std::uint32_t, Vec3> sums;
+    for (const auto& pair : user.border) {
+      if (!pushes_member(user, pair)) continue;
+      const Vec3 impulse = pair.normal * pair.normal_impulse + pair.tangential_impulse;
+      if (impulse.allFinite()) sums.try_emplace(index(pair.inside), Vec3::Zero()).first->second += impulse;
     }
-    const bool glass = item.body->fixed() && kind == ShapeKind::box && item.role == Role::other;
-    Batch& batch = glass                       ? figure.glass
-                   : item.role == Role::proxy  ? figure.proxies
-                   : item.role >= Role::member ? figure.members
-                                               : figure.others;
-    batch[model_of(item.body->shape)].push_back(instance_of(item, figure.origin));
+    for (const auto& [id, sum] : sums) {
+      if (const auto found = drawn.find(id); found != drawn.end())
+        lines.push_back({found->second->state->position, sum, found->second->radius});
+    }
   }
+  return lines;
+}
+
+/// The largest line is a little longer than the bodies at its start, but neither tiny in the picture nor as long as it.
+double scale_of(const std::vector<Line>& lines, double picture_height_m) {
+  double largest = 0.0, radius = 0.0;
+  for (const auto& line : lines) {
+    largest = std::max(largest, line.impulse.norm());
+    radius += line.body_radius / static_cast<double>(lines.size());
+  }
+  if (!(largest > 0.0)) return 0.0;
+  return std::clamp(3.0 * radius, 0.10 * picture_height_m, 0.25 * picture_height_m) / largest;
+}
+
+/// The shortest turn of z to a unit vector. Quat::FromTwoVectors compiles a singular value decomposition for the one
+/// case of opposite vectors.
+Quat turn_of_z(const Vec3& to) {
+  const double twice_w = std::sqrt(2.0 * (1.0 + to.z()));
+  if (!(twice_w > 1e-6)) return Quat(0.0, 1.0, 0.0, 0.0);
+  return Quat(0.5 * twice_w, -to.y() / twice_w, to.x() / twice_w, 0.0);
+}
+
+/// A dot, a shaft and a head; `rim` is the width that an outline adds.
+void add_arrow(const Line& line, const Vec3& from, double length, double radius, double rim, Figure& figure) {
+  const Vec3 along = line.impulse.normalized();
+  const double head = std::min(7.0 * radius, 0.6 * length), shaft = length - head;
+  const auto rod = [&](double from_m, double to_m, double lower, double upper) {
+    const double half = 0.5 * (to_m - from_m);
+    figure.solids.push_back({.form = Solid::Form::frustum,
+                             .layer = rim > 0.0 ? Solid::Layer::outline : Solid::Layer::line,
+                             .centre = (from + along * (from_m + half)).cast<float>(),
+                             .turn = turn_of_z(along).toRotationMatrix().cast<float>(),
+                             .size = Vec3(lower, upper, half).cast<float>(),
+                             .radius = static_cast<float>(std::hypot(std::max(lower, upper), half)),
+                             .colour = {0.80F, 0.02F, 0.06F}});
+  };
+  rod(-rim, shaft + rim, radius + rim, radius + rim);
+  // An outline of constant width around the head needs a longer cone than the head itself.
+  rod(shaft - rim, length + 2.5 * rim, head * 0.36 + 1.4 * rim, 0.0);
+  rod(0.0, 0.0, 0.0, 0.0);
+  Solid& dot = figure.solids.back();
+  dot.form = Solid::Form::capsule;
+  dot.radius = static_cast<float>(1.5 * radius + rim);
+  dot.size = {dot.radius, 0.0F, 0.0F};
+}
+
+/// One line for every border body of every user, from its centre along the sum of the border impulses on it (paper,
+/// figure 13). Needs the figure's camera and origin.
+void add_impulse_lines(const Picture& picture, const std::vector<Item>& items, PictureSize size, Figure& figure) {
+  constexpr double kLinePixels = 4.5;      // thickness in a picture of 720 rows
+  constexpr double kRimShare = 0.8;        // white outline on each side, relative to half the thickness
+  constexpr double kThickestShare = 0.09;  // half the thickness, of the body's radius: small bodies stay visible
+  constexpr double kSmallestShare = 0.04;  // of the largest impulse; smaller ones are not drawn
+  const auto lines = lines_of(picture, items);
+  const Camera& camera = figure.camera;
+  const auto middle = project(camera, size.width, size.height, camera.target);
+  const double scale =
+      picture.line_m_per_n_s.value_or(scale_of(lines, middle ? middle->metres_per_pixel * size.height : 1.0));
+  double largest = 0.0;
+  for (const auto& line : lines) largest = std::max(largest, line.impulse.norm());
+  for (const auto& line : lines) {
+    const auto seen = project(camera, size.width, size.height, line.from);
+    const double length = line.impulse.norm() * scale;
+    if (!seen || !(line.impulse.norm() > kSmallestShare * largest) || !(length > 0.0)) continue;
+    const double thickness = kLinePixels * seen->metres_per_pixel * std::max(1.0, size.height / 720.0);
+    const double radius = std::min(thickness / 2.0, kThickestShare * line.body_radius);
+    for (const double rim : {0.0, kRimShare * radius})
+      add_arrow(line, line.from - figure.origin, length, radius, rim, figure);
+  }
+  figure.line_m_per_n_s = lines.empty() ? 0.0 : scale;
 }
 
 }  // namespace
-
-bool pushes_member(const UserView& user, const BoundaryContact& pair) {
-  return std::ranges::find(user.members, pair.inside) != user.members.end();
-}
 
 Figure compose(const Picture& picture, PictureSize size) {
   const auto items = items_of(picture);
@@ -217,8 +309,14 @@ Figure compose(const Picture& picture, PictureSize size) {
   figure.origin = figure.movable.centre;
   figure.omitted = picture.bodies.size() - items.size();
   figure.grid_m = std::pow(10.0, std::round(std::log10(std::max(1e-6, figure.movable.radius / 4.0))));
-  place(items, figure);
-  add_impulse_lines(picture, size, figure);
+  for (const Item& item : items) {
+    if (item.body->shape.kind == ShapeKind::plane) {
+      figure.grounds.push_back(ground_of(item, figure.origin));
+    } else {
+      add_solid(item, picture.meshes, figure);
+    }
+  }
+  add_impulse_lines(picture, items, size, figure);
   return figure;
 }
 

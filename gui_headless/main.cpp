@@ -1,11 +1,12 @@
-#include "display.hpp"
-#include "io/json.hpp"
+#include "io/options.hpp"
 #include "live/server.hpp"
-#include "live/verdict.hpp"
 #include "model/error.hpp"
+#include "picture.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
+#include "wire/bus.hpp"
 #include "wire/recording_memory.hpp"
+#include "wire/status.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>
@@ -13,35 +14,53 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
-#include <exception>
 #include <filesystem>
-#include <map>
-#include <optional>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 namespace subworld {
 namespace {
 
-/// Passes the places of programs on, where they are new.
-class Places {
- public:
-  explicit Places(live::Server* viewers) : viewers_(viewers) {}
+/// All topics of the display process.
+struct DisplayPorts {
+  DisplayPorts(const Options& options, const Scene& scene_file)
+      : bus(open_bus(options.network, scene_file.settings, scene_file.settings.h_s, "gui_headless")),
+        scene(bus->reader<SceneDescription>()),
+        snapshots(bus->reader<WorldSnapshot>()),
+        statuses(bus->reader<Status>()),
+        status(*bus, ProgramKind::gui_headless, 0, "gui_headless") {}
 
-  /// After a status was received.
-  void look(const Status& status, const Reader<Status>& statuses) {
-    if (viewers_ == nullptr) return;
-    const std::optional<PeerProgram> program = statuses.sender_program();
-    if (!program) return;
-    std::string& known = known_[{status.program, status.instance}];
-    if (const std::string text = to_text(*program); std::exchange(known, text) != text)
-      viewers_->place(status.program, status.instance, *program);
+  std::unique_ptr<Bus> bus;
+  Reader<SceneDescription> scene;
+  Reader<WorldSnapshot> snapshots;
+  Reader<Status> statuses;
+  StatusBeacon status;
+};
+
+/// The world as last received.
+struct Display {
+  SceneDescription scene;
+  std::vector<UserView> users;
+  double time_s = 0.0;
+  std::uint64_t snapshots = 0;
+
+  [[nodiscard]] bool described() const noexcept { return !scene.bodies.empty(); }
+
+  void show(const WorldSnapshot& snapshot) {
+    for (const StampedBody& moved : snapshot.moved) {
+      if (index(moved.id) < scene.states.size()) scene.states[index(moved.id)] = moved.state;
+    }
+    users = snapshot.users;
+    time_s = snapshot.stamp_s;
+    ++snapshots;
   }
-
- private:
-  live::Server* viewers_;
-  std::map<std::pair<ProgramKind, std::uint32_t>, std::string> known_;
+  /// Throws `Error` (failed).
+  void write_picture(const std::string& file) const {
+    write_png(file, draw({scene.bodies, scene.states, scene.meshes, users, {}, {}}).image);
+  }
 };
 
 /// Follows the world until it stops. True: a signal has asked this program to end before. Throws `Error` (failed) if no
@@ -54,17 +73,17 @@ bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
   TimePoint heard = Clock::now();
   double next_picture_s = options.picture_every_s;
   bool stopping = false, asked = false;
-  Places places(viewers);
   while (!stopping && !asked) {
     ports.bus->wait(0.1);
     asked = stop_signal() != 0;
     while (ports.statuses.take(status) == Take::sample) {
-      places.look(status, ports.statuses);
+      if (const auto program = ports.statuses.sender_program(); program && viewers != nullptr)
+        viewers->place(status.program, status.instance, *program);
       stopping |= status.program == ProgramKind::world_sim && status.state == "stopping";
     }
     if (ports.scene.take(description) == Take::sample) {
       if (viewers != nullptr) viewers->describe(description);
-      display.describe(std::move(description));
+      display.scene = std::move(description);
       ports.status.enter("running");
     }
     while (display.described() && ports.snapshots.take(snapshot) == Take::sample) display.show(snapshot);
@@ -78,11 +97,11 @@ bool follow(DisplayPorts& ports, Display& display, live::Server* viewers, const 
                                                 options.network.domain, options.wait_s));
     }
     if (display.described() && absent_s > 1.0) break;
-    if (options.picture_every_s > 0.0 && display.snapshots() > 0 && display.time_s() >= next_picture_s) {
-      display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s()));
+    if (options.picture_every_s > 0.0 && display.snapshots > 0 && display.time_s >= next_picture_s) {
+      display.write_picture(fmt::format("{}/picture_{:08.3f}.png", options.out, display.time_s));
       next_picture_s += options.picture_every_s;
     }
-    ports.status.update({display.time_s(), display.snapshots()});
+    ports.status.update({display.time_s, display.snapshots});
   }
   return asked;
 }
@@ -120,11 +139,7 @@ void show_verdict(DisplayPorts& ports, live::Server& viewers, const std::string&
     if (to_seconds(Clock::now() - begin) > kLongest_s || !viewers.verdict_is_awaited()) return;
     std::this_thread::sleep_for(kLook);
   }
-  try {
-    viewers.show_verdict(live::encode_verdict(read_json(summary)));
-  } catch (const std::exception& fault) {
-    fmt::print(stderr, "gui_headless: viewers: no verdict: {}\n", fault.what());
-  }
+  viewers.show_verdict(summary);
 }
 
 }  // namespace
@@ -145,10 +160,10 @@ int main(int argc, char** argv) {
     ports.status.enter("stopping");
     if (viewers) viewers->end_run();
     if (viewers && (!verdict_follows(verdict) || !viewers->verdict_is_awaited())) viewers.reset();
-    if (display.snapshots() > 0) {
+    if (display.snapshots > 0) {
       const std::string file = options.out + "/picture.png";
       display.write_picture(file);
-      fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s(), file);
+      fmt::print("gui_headless: picture at t = {:.3f} s in {}\n", display.time_s, file);
     } else if (!asked) {
       throw Error(ExitCode::failed,
                   "no picture: the world ended before it sent a state; start the display before the world, and the "

@@ -2,13 +2,29 @@
 
 #include "camera.hpp"
 #include "model/exchange.hpp"
-#include "png_file.hpp"
 
-#include <memory>
+#include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
+#include <vector>
 
 namespace subworld {
+
+/// Rows from the top, pixels from the left, three bytes each (sRGB).
+struct Image {
+  int width = 0;   ///< pixels
+  int height = 0;  ///< pixels
+  std::vector<std::uint8_t> rgb;
+
+  /// First of the three bytes of a pixel; the pixel must be inside the image.
+  [[nodiscard]] const std::uint8_t* pixel(int column, int row) const noexcept {
+    return rgb.data() + 3 * (static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + column);
+  }
+};
+
+/// Throws `Error` (failed) with the file's name and the reason, also if the image's size and its bytes disagree.
+void write_png(const std::string& file, const Image& image);
 
 /// One moment of a scene. Bodies without a finite state are not drawn.
 struct Picture {
@@ -31,7 +47,6 @@ struct Drawing {
   Image image;
   Camera camera;                ///< the camera in use; passed to the next picture it preserves the view
   double line_m_per_n_s = 0.0;  ///< length of the red lines per impulse; 0 if there are none
-  double grid_m = 0.0;          ///< distance of the lines of the ground grid
   std::size_t omitted = 0;      ///< bodies without a finite state, orientation or shape
 };
 
@@ -39,22 +54,8 @@ struct Drawing {
 /// light grey. Border bodies are yellow, each with a red line from its centre along the sum of the border impulses on
 /// it. A body in front of a member or of the proxy is translucent. Fixed boxes are glass, planes a ground grid.
 ///
-/// Works without a display and without a graphics card. One thread at a time; any thread.
-class Renderer {
- public:
-  /// Throws `Error` (failed) with the cure if EGL or OpenGL 3.3 is missing, and `Error` (usage) if the size is not
-  /// within 16 .. 8192 pixels.
-  explicit Renderer(PictureSize size = {});
-  ~Renderer();
-  Renderer(const Renderer&) = delete;
-  Renderer& operator=(const Renderer&) = delete;
-
-  /// Throws `Error` (usage) if the given camera is invalid.
-  [[nodiscard]] Drawing draw(const Picture& picture);
-
- private:
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
-};
+/// All is computed here: no graphics card and no driver take part. Throws `Error` (usage) if the given camera is
+/// invalid, or the size is not within 16 .. 8192 pixels.
+[[nodiscard]] Drawing draw(const Picture& picture, PictureSize size = {});
 
 }  // namespace subworld

@@ -5,11 +5,19 @@
 #include <nlohmann/json.hpp>
 
 #include <optional>
+#include <string>
+#include <string_view>
 
 // For sources that read or write members of a `Json`. Headers need io/results.hpp only: compiling the library takes
 // long.
 
 namespace subworld {
+
+// No other source parses or writes JSON: the library's code for it is large, and made anew in each unit that uses it.
+/// Throws `Error` (failed) with the line and the column of a fault.
+[[nodiscard]] Json parse_json(std::string_view text);
+/// In one line; with an indent of 0 or more, in several. A text need not be UTF-8, which JSON is.
+[[nodiscard]] std::string json_text(const Json& json, int indent = -1);
 
 template <class T>
 void put(Json& json, const char* key, const T& value) {

@@ -15,6 +15,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <thread>
 
 namespace subworld {
@@ -134,8 +135,7 @@ void write_json(const std::string& path, const Json& json) {
     file = open_unfinished(path);
   }
   if (file < 0) refuse_write(path, errno);
-  // A path need not be UTF-8, which JSON is.
-  int error = write_whole(file, json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n');
+  int error = write_whole(file, json_text(json, 2) + '\n');
   if (close(file) != 0 && error == 0) error = errno;
   if (error == 0 && std::rename(unfinished.c_str(), path.c_str()) != 0) error = errno;
   if (error == 0) return;
@@ -149,9 +149,9 @@ Json read_json(const std::string& path) {
     throw Error(ExitCode::failed, fmt::format("{}: {}{}", path, std::strerror(errno),
                                               errno == ENOENT ? "; did the program that writes it end early?" : ""));
   try {
-    return Json::parse(file);
-  } catch (const nlohmann::json::exception& wrong) {
-    throw Error(ExitCode::failed, fmt::format("{}: {}", path, wrong.what()));
+    return parse_json(std::string{std::istreambuf_iterator<char>(file), {}});
+  } catch (const Error& wrong) {
+    throw Error(wrong.code(), fmt::format("{}: {}", path, wrong.what()));
   }
 }
 
@@ -178,8 +178,11 @@ Json machine() {
 Json json_of(const Setting& setting, Settings& settings, UserSpec& user) {
   const std::optional<std::string> text = value_text(setting, settings, user);
   if (!text) return nullptr;
-  Json value = Json::parse(*text, nullptr, false);
-  return value.is_discarded() ? Json(*text) : value;
+  try {
+    return parse_json(*text);
+  } catch (const Error&) {
+    return *text;
+  }
 }
 
 }  // namespace subworld

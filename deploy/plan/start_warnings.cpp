@@ -1,10 +1,10 @@
-#include "plan/start_warnings.hpp"
+#include "plan/limits.hpp"
 
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "model/mass_properties.hpp"
 #include "model/shape_extent.hpp"
 #include "physics/plugin.hpp"
-#include "plan/listed.hpp"
 
 #include <fmt/core.h>
 
@@ -38,6 +38,13 @@ std::vector<Contact> contacts_at_the_start(const Scene& scene) {
 }
 
 }  // namespace
+
+std::string listed(const std::vector<std::string>& items) {
+  constexpr std::size_t kMostListed = 10;  // in one warning
+  const std::size_t shown = std::min(items.size(), kMostListed);
+  const std::string text = joined(std::span(items).first(shown), ", ");
+  return items.size() > shown ? fmt::format("{} and {} more", text, items.size() - shown) : text;
+}
 
 void warn_of_slips(const Scene& scene, std::vector<std::string>& out) {
   constexpr double kLightest = 0.1, kHeaviest = 1e5;           // kg/m^3; aerogel has 1, osmium 22,600

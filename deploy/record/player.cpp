@@ -105,39 +105,19 @@ void Player::open_channels(Bus& bus) {
   }
 }
 
-bool Player::read_segment() {
-  for (;;) {
-    const auto snapshot = std::ranges::find_if(read_, &Due::snapshot);
-    if (snapshot != read_.end() || (next_chunk_ >= reader_.chunks() && !read_.empty())) {
-      const bool whole = snapshot != read_.end();
-      const double to_s = whole ? snapshot->time_s : read_s_;
-      const std::uint64_t to_ns = whole ? snapshot->time_ns : read_ns_;
-      const double rate = to_ns > read_ns_ ? (to_s - read_s_) / static_cast<double>(to_ns - read_ns_) : 0.0;
-      for (auto left = whole ? snapshot - read_.begin() + 1 : std::ssize(read_); left > 0; --left) {
-        Due due = std::move(read_.front());
-        read_.pop_front();
-        if (!due.snapshot)
-          due.time_s = read_s_ + rate * static_cast<double>(due.time_ns > read_ns_ ? due.time_ns - read_ns_ : 0);
-        due_.push_back(std::move(due));
-      }
-      read_s_ = to_s;
-      read_ns_ = to_ns;
-      return true;
-    }
-    if (next_chunk_ >= reader_.chunks()) return false;
+bool Player::read_more() {
+  WorldSnapshot decoded;
+  while (due_.empty() && next_chunk_ < reader_.chunks()) {
     const mcap::Chunk chunk = reader_.read_chunk(next_chunk_++);
-    WorldSnapshot decoded;
     for (const mcap::Message& message : chunk.messages) {
       const auto at = channels_.find(message.channel);
       if (at == channels_.end() || at->second.topic == kSceneTopic) continue;
-      Due& due = read_.emplace_back();
-      due.channel = message.channel;
-      due.time_ns = message.time_ns;
-      due.data.assign(message.data.begin(), message.data.end());
-      due.snapshot = at->second.topic == kSnapshotTopic && snapshot_codec_.decode(message.data, decoded);
-      if (due.snapshot) due.time_s = decoded.stamp_s;
+      const bool snapshot = at->second.topic == kSnapshotTopic && snapshot_codec_.decode(message.data, decoded);
+      if (snapshot) read_s_ = decoded.stamp_s;
+      due_.push_back({message.channel, read_s_, {message.data.begin(), message.data.end()}, snapshot});
     }
   }
+  return !due_.empty();
 }
 
 void Player::publish(Due& due) {
@@ -166,31 +146,24 @@ void Player::move_to(double time_s) {
   bool found = false;
   next_chunk_ = reader_.last_chunk_before(time_s - kCompleteSnapshot_s,
                                           [&](const mcap::Chunk& chunk) { return time_of(chunk, false); });
-  read_.clear();
   due_.clear();
   read_s_ = 0.0;
-  read_ns_ = 0;
   WorldSnapshot last;
-  while (read_segment()) {
-    if (due_.back().time_s > time_s) break;
-    for (const Due& due : due_) {
-      Status status;
-      if (channels_.at(due.channel).topic == kStatusTopic && status_codec_.decode(due.data, status) &&
-          status.state != kEnds)
-        learn(status);
-      if (!due.snapshot || !snapshot_codec_.decode(due.data, last)) continue;
-      found = true;
-      learn(last);
-    }
-    due_.clear();
+  for (; read_more() && due_.front().time_s <= time_s; due_.pop_front()) {
+    const Due& due = due_.front();
+    Status status;
+    if (channels_.at(due.channel).topic == kStatusTopic && status_codec_.decode(due.data, status) &&
+        status.state != kEnds)
+      learn(status);
+    if (!due.snapshot || !snapshot_codec_.decode(due.data, last)) continue;
+    found = true;
+    learn(last);
   }
+  published_s_ = found ? last.stamp_s : due_.empty() ? 0.0 : due_.front().time_s;
   if (found) {
     snapshot_ = last;
-    published_s_ = last.stamp_s;
     publish_snapshot();
     ++published_;
-  } else {
-    published_s_ = due_.empty() ? 0.0 : due_.back().time_s;
   }
   restart_clock();
 }
@@ -243,7 +216,7 @@ void Player::execute(const Control& order) {
       reply.answer.text = "resumed";
       break;
     case ControlVerb::step: {
-      for (bool stepped = false; !stepped && (!due_.empty() || read_segment()); due_.pop_front()) {
+      for (bool stepped = false; !stepped && (!due_.empty() || read_more()); due_.pop_front()) {
         stepped = due_.front().snapshot;
         publish(due_.front());
       }
@@ -291,7 +264,7 @@ bool Player::advance(double wait_s) {
   }
   if (!paused_) {
     const double now_s = clock_from_s_ + config_.speed * to_seconds(Clock::now() - clock_from_);
-    while (!due_.empty() || read_segment()) {
+    while (!due_.empty() || read_more()) {
       if (due_.front().time_s > now_s) break;
       publish(due_.front());
       due_.pop_front();

@@ -19,7 +19,7 @@
 namespace subworld {
 
 /// Publishes a recording in the place of the programs that were recorded. Its time is the simulated time of the world's
-/// snapshots; other messages lie between two snapshots as they were sent. Orders on the topic `control` pause, resume,
+/// snapshots; other messages follow the snapshot before them. Orders on the topic `control` pause, resume,
 /// step (to the next snapshot), move (`reset`, with the moment in seconds), change its speed and stop it. Recorded
 /// orders and their answers are not published. The scene's settings also have `replay.from_s` and `replay.to_s`, the
 /// first and the last moment, so that a viewer knows a replay. The real-time factor in the world's status is the speed.
@@ -46,8 +46,7 @@ class Player {
   };
   struct Due {
     std::uint16_t channel = 0;
-    std::uint64_t time_ns = 0;
-    double time_s = 0.0;
+    double time_s = 0.0;  ///< of the last snapshot before it
     std::vector<std::uint8_t> data;
     bool snapshot = false;
   };
@@ -56,8 +55,8 @@ class Player {
   void publish_scene();
   /// The simulated time of the first or last snapshot in a chunk; none: it has no snapshot.
   [[nodiscard]] std::optional<double> time_of(const mcap::Chunk& chunk, bool last);
-  /// Reads messages up to the next snapshot. False at the end of the file.
-  bool read_segment();
+  /// Reads the next messages, where none is due. False at the end of the file.
+  bool read_more();
   void publish(Due& due);
   void move_to(double time_s);
   void execute(const Control& order);
@@ -83,11 +82,9 @@ class Player {
   std::map<std::pair<ProgramKind, std::uint32_t>, Status> newest_statuses_;
   TimePoint statuses_at_;
   std::size_t next_chunk_ = 0;
-  std::deque<Due> read_;  ///< of the file, whose simulated time is not known
   std::deque<Due> due_;
-  double read_s_ = 0.0;  ///< simulated time of the last snapshot in `due_`
+  double read_s_ = 0.0;  ///< simulated time of the last snapshot that was read
   double published_s_ = 0.0;
-  std::uint64_t read_ns_ = 0;
   std::uint64_t published_ = 0;
   bool paused_ = false;
   bool stopped_ = false;

@@ -98,7 +98,7 @@ class PartMessages {
     at_ = std::min(at_, chunk_.messages.size());
   }
   /// What its recorder counted.
-  [[nodiscard]] Json figures() { return Json::parse(reader_.attachments().at(kPartAttachment)); }
+  [[nodiscard]] Json figures() { return parse_json(reader_.attachments().at(kPartAttachment)); }
 
  private:
   mcap::Reader reader_;
@@ -169,7 +169,7 @@ RecordingFile::RecordingFile(const std::string& path, const RecordedRun& run) : 
       writer_.attach(mesh.file, "application/octet-stream", text_of(folder / mesh.file), attached_at());
   }
   const Json settings{{"scene_file", run.scene.file}, {"flags", run.flags}, {"dds", run.dds}};
-  writer_.attach(kSettingsAttachment, "application/json", settings.dump(2), attached_at());
+  writer_.attach(kSettingsAttachment, "application/json", json_text(settings, 2), attached_at());
 }
 
 void RecordingFile::write(const std::string& topic, std::uint32_t number, std::int64_t time_ns,
@@ -262,7 +262,7 @@ RecordingResult Recording::drain(const std::vector<RecordingPart>& others) {
   if (thread_.joinable()) thread_.join();
   const RecordingResult own = figures();
   if (!part_) return own;
-  part_->finish(kPartAttachment, Json(own).dump());
+  part_->finish(kPartAttachment, json_text(own));
   std::vector<RecordingPart> parts = others;
   parts.push_back({.host = "(this one)", .file = own.file});
   RecordingResult sum;
@@ -291,6 +291,6 @@ void Recording::finish(const std::string& summary_file) {
   if (!file_.failed()) file_.finish(kSummaryAttachment, text_of(summary_file));
 }
 
-void Recording::finish_part() { file_.finish(kPartAttachment, Json(figures()).dump()); }
+void Recording::finish_part() { file_.finish(kPartAttachment, json_text(figures())); }
 
 }  // namespace subworld

@@ -9,7 +9,6 @@
 #include "record/recording.hpp"
 #include "rt/stop.hpp"
 #include "run/claim.hpp"
-#include "run/file_lock.hpp"
 #include "run/page.hpp"
 #include "tools.hpp"
 #include "wire/bus.hpp"
@@ -49,7 +48,7 @@ struct Recorded {
 Recorded read_recorded(const std::string& file, const Attachments& attachments) {
   const auto json_of = [&](const char* name) {
     const auto at = attachments.find(name);
-    const Json json = at == attachments.end() ? Json() : Json::parse(at->second, nullptr, false);
+    const Json json = at == attachments.end() ? Json() : parse_json(at->second);
     if (json.is_object()) return json;
     throw Error(ExitCode::usage,
                 fmt::format("{}: has no attachment {}; name a file of `subworld run --record`", file, name));

@@ -2,7 +2,7 @@
 #include "io/output.hpp"
 #include "model/error.hpp"
 #include "report/page.hpp"
-#include "results/command.hpp"
+#include "results/run_report.hpp"
 #include "tools.hpp"
 
 #include <fmt/core.h>
@@ -14,11 +14,22 @@ namespace {
 
 using namespace subworld;
 
+void add_options(CommandLine& line, ReportRequest& request) {
+  line.add("results", &request.what, "folder of a run, a session or a lab, or a summary.json or table in one")
+      .required();
+  line.add("--out", &request.out, "the page, an HTML file").otherwise("report.html in that folder");
+  line.footer(
+      "Examples:\n"
+      "  subworld report out/row\n"
+      "  subworld report out/row/summary.json --out row.html\n"
+      "The page needs no other file and no network.");
+}
+
 /// A lab writes the page of its folder itself.
 int main_of(int argc, char** argv) {
   CommandLine line("subworld report", about_tool("report"));
   ReportRequest request;
-  add_report_options(line, request);
+  add_options(line, request);
   if (const auto code = line.parse(argc, argv)) return *code;
   const ReportPlace place = place_of(request);
   if (place.lab.empty()) {

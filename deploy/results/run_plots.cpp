@@ -2,13 +2,16 @@
 #include "io/json.hpp"
 #include "results/envelope.hpp"
 #include "results/run_report.hpp"
-#include "results/values.hpp"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <optional>
 
 namespace subworld {
@@ -128,6 +131,29 @@ void add_world_times(std::vector<Plot>& plots, const WorldCurves& world, const J
   }
 }
 
+constexpr std::uintmax_t kLargest_bytes = 8 << 20;
+constexpr std::size_t kMostPictures = 12;
+
+std::string base64(const std::string& bytes) {
+  constexpr const char* kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t three = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      three = three << 8 | (i + k < bytes.size() ? static_cast<std::uint8_t>(bytes[i + k]) : 0U);
+    for (std::size_t k = 0; k < 4; ++k) text += i + k > bytes.size() ? '=' : kDigits[three >> (18 - 6 * k) & 63];
+  }
+  return text;
+}
+
+/// Empty if the file is no picture.
+std::string png_of(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(stream), {}};
+  return bytes.starts_with("\x89PNG\r\n\x1a\n") ? bytes : "";
+}
+
 }  // namespace
 
 std::vector<Plot> plots_of_run(const Json& summary, const std::vector<Json>& users, const std::string& folder) {
@@ -152,6 +178,26 @@ std::vector<Plot> plots_of_run(const Json& summary, const std::vector<Json>& use
   add_user_plots(plots, curves, plot_of("Lateness: delay of the start of a step", "lateness, ms"),
                  &UserCurves::lateness_ms);
   return plots;
+}
+
+std::string pictures_in(const std::string& folder) {
+  std::vector<std::filesystem::path> files;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+    if (entry.path().extension() == ".png" && entry.is_regular_file() && entry.file_size() <= kLargest_bytes)
+      files.push_back(entry.path());
+  }
+  std::ranges::sort(files);
+  if (files.size() > kMostPictures) files.resize(kMostPictures);
+  std::string text;
+  for (const std::filesystem::path& file : files) {
+    const std::string png = png_of(file), name = escaped(file.filename().string());
+    if (png.empty()) continue;
+    text +=
+        fmt::format("<figure><img alt=\"{}\" src=\"data:image/png;base64,{}\"><figcaption>{}</figcaption></figure>\n",
+                    name, base64(png), name);
+  }
+  return text.empty() ? text : "<div class=pictures>\n" + text + "</div>\n";
 }
 
 }  // namespace subworld

@@ -2,7 +2,8 @@
 
 #include "io/json.hpp"
 #include "io/version.hpp"
-#include "results/values.hpp"
+#include "model/error.hpp"
+#include "model/joined.hpp"
 #include "run/claim.hpp"
 
 #include <fmt/core.h>
@@ -10,8 +11,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 
 namespace subworld {
+
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -119,40 +123,37 @@ std::string ratio_of(const Json& summary) {
 
 /// The artificial delay, and the seed of its draws; empty without one.
 std::string delay_of(const Json& summary) {
-  std::string text;
-  bool random = false;
+  std::vector<std::string> texts;
   for (const auto& [key, words] : {std::pair{"up_s", "to the world"},
                                    {"down_s", "from the world"},
                                    {"from_device_s", "from the device"},
                                    {"to_device_s", "to the device"},
                                    {"jitter_s", "jitter"}}) {
     const double s = number_at(summary, fmt::format("settings/delay/{}", key));
-    if (s > 0.0) text += fmt::format("{}{} {} ms", text.empty() ? "" : ", ", words, digits_of(1e3 * s, 4));
-    random = random || (s > 0.0 && std::string(key) == "jitter_s");
+    if (s > 0.0) texts.push_back(fmt::format("{} {} ms", words, digits_of(1e3 * s, 4)));
   }
   const double loss = number_at(summary, "settings/delay/loss_ratio");
-  if (loss > 0.0) text += fmt::format("{}loss {} %", text.empty() ? "" : ", ", digits_of(1e2 * loss, 3));
-  if (random || loss > 0.0) text += ", seed " + text_at(summary, "settings/delay/seed");
-  return text;
+  if (loss > 0.0) texts.push_back(fmt::format("loss {} %", digits_of(1e2 * loss, 3)));
+  if (loss > 0.0 || number_at(summary, "settings/delay/jitter_s") > 0.0)
+    texts.push_back("seed " + text_at(summary, "settings/delay/seed"));
+  return joined(texts, ", ");
 }
 
 std::string hosts_of(const Json& summary) {
-  std::string text;
+  std::vector<std::string> names;
   for (const Json& host : value_at(summary, "hosts")) {
     const double offset_s = number_at(host, "clock_offset_s");
-    text += fmt::format("{}{}{}", text.empty() ? "" : ", ", text_at(host, "host"),
-                        std::isfinite(offset_s) ? fmt::format(" (clock {:+.3g} ms)", 1e3 * offset_s) : "");
+    names.push_back(text_at(host, "host") +
+                    (std::isfinite(offset_s) ? fmt::format(" (clock {:+.3g} ms)", 1e3 * offset_s) : ""));
   }
-  if (!text.empty()) return text;
-  std::vector<std::string> names;
+  if (!names.empty()) return joined(names, ", ");
   for (const char* kind : {"haptic", "device"}) {
     for (const Json& program : value_at(summary, kind)) {
       const std::string host = text_at(program, "host");
       if (!host.empty() && std::ranges::find(names, host) == names.end()) names.push_back(host);
     }
   }
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
+  return joined(names, ", ");
 }
 
 std::string load_of(const Json& summary) {
@@ -164,18 +165,17 @@ std::string load_of(const Json& summary) {
 }
 
 std::string restarts_of(const Json& summary) {
-  std::string text;
+  std::vector<std::string> texts;
   for (const Json& one : value_at(summary, "restarts"))
-    text += fmt::format("{}{} after {} s ({})", text.empty() ? "" : "; ", text_at(one, "program"),
-                        digits_of(number_at(one, "after_s"), 3), text_at(one, "reason"));
-  return text;
+    texts.push_back(fmt::format("{} after {} s ({})", text_at(one, "program"), digits_of(number_at(one, "after_s"), 3),
+                                text_at(one, "reason")));
+  return joined(texts, "; ");
 }
 
 std::string list_of_words(const Json& words) {
-  std::string text;
-  for (const Json& word : words)
-    text += fmt::format("{}{}", text.empty() ? "" : ", ", word.is_string() ? word.get<std::string>() : word.dump());
-  return text;
+  std::vector<std::string> texts;
+  for (const Json& word : words) texts.push_back(text_at(word, ""));
+  return joined(texts, ", ");
 }
 
 Facts facts_of(const Json& summary) {
@@ -236,15 +236,54 @@ std::string machine_line(const Json& summary) {
                      escaped(text_at(machine, "system")), escaped(text_at(machine, "kernel")));
 }
 
+/// What the programs of a run write before it has a summary.
+constexpr std::array kPartsOfARun{"world.json", "world.csv", "haptic_0.json", "haptic_0.csv", "device_0.csv", "hosts"};
+
+/// The folder of the results that a path names.
+fs::path folder_of(const std::string& what) {
+  std::error_code ignored;
+  if (fs::is_directory(what, ignored)) return what;
+  if (!fs::exists(what, ignored)) {
+    throw Error(ExitCode::usage, fmt::format("{}: no such folder or file; name the folder that a run, a session or a "
+                                             "lab wrote its results to",
+                                             what));
+  }
+  const fs::path folder = fs::path(what).parent_path();
+  return folder.empty() ? "." : folder;
+}
+
 }  // namespace
 
-void write_run_report(const std::string& path, const Json& summary, const std::string& folder) {
-  const std::vector<Json> users = users_of(summary);
-  const std::vector<Plot> plots = plots_of_run(summary, users, folder);
-  const std::vector<std::string> drawn = plots.empty() ? std::vector<std::string>{} : svg_of(plots);
-  const std::string pictures = pictures_in(folder);
+ReportPlace place_of(const ReportRequest& request) {
+  const fs::path folder = folder_of(request.what);
+  const fs::path summary = folder / "summary.json";
+  if (!fs::exists(summary)) {
+    const bool ran = std::ranges::any_of(kPartsOfARun, [&](const char* part) { return fs::exists(folder / part); });
+    throw Error(ExitCode::usage,
+                fmt::format("{}: has no summary.json{}", folder.string(),
+                            ran ? "; `subworld collect` makes one of what programs of a run wrote"
+                                : ": no run and no lab has ended here; name the folder that its --out named"));
+  }
+  const Json json = read_json(summary.string());
+  if (!json.is_object() || json.empty())
+    throw Error(ExitCode::failed, fmt::format("{}: is no summary of a run or a lab", summary.string()));
+  ReportPlace place{.folder = folder.string(), .page = request.out, .lab = ""};
+  if (place.page.empty()) place.page = (folder / "report.html").string();
+  if (fs::is_directory(place.page)) place.page = (fs::path(place.page) / "report.html").string();
+  if (json.contains("lab") && json["lab"].is_string()) place.lab = json["lab"];
+  if (place.lab.empty() && !json.contains("scene") && !json.contains("verdict"))
+    throw Error(ExitCode::failed, fmt::format("{}: is no summary of a run or a lab", summary.string()));
+  return place;
+}
 
-  Page page(path, "Run of the scene " + text_at(summary, "scene"));
+void write_report(const ReportPlace& place) {
+  const Json summary = read_json(place.folder + "/summary.json");
+  const std::vector<Json> users = users_of(summary);
+  const std::vector<Plot> plots = plots_of_run(summary, users, place.folder);
+  const std::vector<std::string> drawn = plots.empty() ? std::vector<std::string>{} : svg_of(plots);
+  const std::string pictures = pictures_in(place.folder);
+
+  Page page(place.page, "Run of the scene " + text_at(summary, "scene"));
   page.title();
   page.add(fmt::format("<p class=facts>{}<br>{}</p>\n", escaped(line_of_run(summary)), machine_line(summary)));
   page.add(verdict_of(summary) + gates_of(summary));
@@ -268,9 +307,10 @@ void write_run_report(const std::string& path, const Json& summary, const std::s
     page.add(pictures);
   }
   page.heading("What the figures mean");
-  page.add(kMore + meanings(summary));
+  page.add(kMore);
   page.add(fmt::format("<p class=facts>{} {}.</p>\n", kReportMark, version_text()));
   page.close();
+  fmt::print("report: {}\n", place.page);
 }
 
 }  // namespace subworld

@@ -1,12 +1,13 @@
 #include "io/json.hpp"
+#include "model/joined.hpp"
 #include "results/run_report.hpp"
-#include "results/values.hpp"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <span>
 
 namespace subworld {
@@ -133,14 +134,14 @@ std::string table_of(const std::string& name, const std::vector<Json>& users, st
 
 /// When a user did not take part: "0.5 to 1.2 s".
 std::string absences_of(const Json& summary, const std::string& user) {
-  std::string text;
+  std::vector<std::string> texts;
   for (const Json& absence : value_at(summary, "world/absences")) {
-    if (text_at(absence, "user") != user) continue;
-    text += fmt::format("{}{} to {} s{}", text.empty() ? "" : "; ", digits_of(number_at(absence, "from_s"), 4),
-                        digits_of(number_at(absence, "to_s"), 4),
-                        text_at(absence, "by_order") == "true" ? " (asked to leave)" : "");
+    if (text_at(absence, "user") == user)
+      texts.push_back(fmt::format("{} to {} s{}", digits_of(number_at(absence, "from_s"), 4),
+                                  digits_of(number_at(absence, "to_s"), 4),
+                                  text_at(absence, "by_order") == "true" ? " (asked to leave)" : ""));
   }
-  return text.empty() ? "none" : text;
+  return texts.empty() ? "none" : joined(texts, "; ");
 }
 
 std::string device_of(const Json& user) {
@@ -157,7 +158,7 @@ std::string events_of(const Json& program) {
   if (!events.is_object()) return "&ndash;";
   for (const auto& [event, count] : events.items()) {
     if (!count.is_number() || count == 0) continue;
-    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", event, count.dump());
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", event, json_text(count));
   }
   std::ranges::replace(text, '_', ' ');
   return text.empty() ? "none" : escaped(text);
@@ -186,6 +187,22 @@ std::vector<std::string> program_row(const std::string& name, const Json& progra
 }
 
 }  // namespace
+
+const Json& value_at(const Json& json, const std::string& path) {
+  static const Json kNone;
+  const Json::json_pointer at(path.empty() ? "" : "/" + path);
+  return json.contains(at) ? json.at(at) : kNone;
+}
+
+double number_at(const Json& json, const std::string& path) {
+  const Json& value = value_at(json, path);
+  return value.is_number() ? value.get<double>() : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::string text_at(const Json& json, const std::string& path) {
+  const Json& value = value_at(json, path);
+  return value.is_null() ? "" : value.is_string() ? value.get<std::string>() : json_text(value);
+}
 
 std::vector<Json> users_of(const Json& summary) {
   std::vector<Json> users;
@@ -256,19 +273,6 @@ std::string program_table(const Json& summary, const std::vector<Json>& users) {
     }
   }
   return table.rows.empty() ? "" : html_of(table);
-}
-
-std::string meanings(const Json& summary) {
-  const std::vector<Json> users = users_of(summary);
-  std::vector<std::pair<std::string, std::string>> all;
-  for (const std::span<const Figure> figures :
-       {std::span<const Figure>(kForceFigures), std::span<const Figure>(kTimeFigures),
-        std::span<const Figure>(kSubWorldFigures)}) {
-    for (const Figure& figure : figures) {
-      if (is_shown(figure, users)) all.emplace_back(escaped(figure.head()), escaped(figure.about));
-    }
-  }
-  return all.empty() ? "" : html_of(all);
 }
 
 }  // namespace subworld

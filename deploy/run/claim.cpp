@@ -4,8 +4,11 @@
 #include "io/output.hpp"
 #include "model/error.hpp"
 
+#include <fcntl.h>
 #include <fmt/core.h>
 #include <fnmatch.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -35,19 +38,15 @@ bool is_report(const std::filesystem::path& file) {
 
 /// Whether a run, or a program that was started by hand, has made this file with a name of ours.
 bool is_result(const std::filesystem::path& file) {
-  constexpr std::string_view kFirstColumn = "time_s,", kCheckpoint = "SUBWORLDCHECKPNT";
   if (file.extension() == ".part" || std::filesystem::file_size(file) == 0) return true;
   if (file.extension() == ".png") return std::filesystem::exists(file.parent_path() / "logs/gui_headless.log");
-  if (file.extension() == ".csv") {
-    std::string begin(kFirstColumn.size(), '\0');
+  const auto begins_with = [&](std::string_view text) {
+    std::string begin(text.size(), '\0');
     std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
-    return begin == kFirstColumn;
-  }
-  if (file.extension() == ".checkpoint") {
-    std::string begin(kCheckpoint.size(), '\0');
-    std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
-    return begin == kCheckpoint;
-  }
+    return begin == text;
+  };
+  if (file.extension() == ".csv") return begins_with("time_s,");
+  if (file.extension() == ".checkpoint") return begins_with("SUBWORLDCHECKPNT");
   try {
     const Json json = read_json(file);
     return json.is_object() && (json.contains("ending") || json.contains("verdict"));
@@ -57,6 +56,28 @@ bool is_result(const std::filesystem::path& file) {
 }
 
 }  // namespace
+
+FileLock::~FileLock() {
+  if (file_ >= 0) close(file_);
+}
+
+int FileLock::take(const std::string& name) {
+  const auto path = std::filesystem::temp_directory_path() / (name + ".lock");
+  // A lock needs no right to write. The file may be another user's, and the kernel then refuses to open it with
+  // O_CREAT in a shared folder (fs.protected_regular).
+  const int error = lock(path.c_str(), O_RDONLY);
+  return error == ENOENT ? lock(path.c_str(), O_RDONLY | O_CREAT) : error;
+}
+
+bool FileLock::take_folder(const std::string& folder) {
+  return lock(folder.c_str(), O_RDONLY | O_DIRECTORY) != EWOULDBLOCK;
+}
+
+int FileLock::lock(const char* path, int flags) {
+  if (file_ >= 0) close(file_);
+  file_ = open(path, flags | O_CLOEXEC, 0644);
+  return file_ >= 0 && flock(file_, LOCK_EX | LOCK_NB) == 0 ? 0 : errno;
+}
 
 int claim_domain(int wanted, FileLock& lock) {
   const auto name = [](int domain) { return fmt::format("subworld-domain-{}", domain); };

@@ -1,4 +1,4 @@
-#include "run/control.hpp"
+#include "commands.hpp"
 
 #include "model/error.hpp"
 #include "model/joined.hpp"
@@ -6,14 +6,12 @@
 #include "rt/cyclic.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
-#include "wire/status.hpp"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
 #include <map>
-#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -55,11 +53,6 @@ class Answers {
     fmt::print("{}: {}\n", label, reply.answer.text);
     if (asked) said_[reply.instance] = reply.answer;
   }
-  /// That program is there.
-  void met(ProgramKind program, std::uint32_t instance) {
-    if (program == asked_) said_.try_emplace(instance);
-  }
-
   /// Whether all have executed it.
   [[nodiscard]] bool complete() const {
     return std::ranges::count_if(said_, [](const auto& one) { return done(one.second); }) >= expected_;
@@ -70,37 +63,33 @@ class Answers {
   /// Those that have not, in words.
   [[nodiscard]] std::string missing() const {
     std::vector<std::string> names;
-    for (const auto& [instance, said] : said_) {
-      if (done(said)) continue;
-      names.push_back(label_of(asked_, instance) + (said ? fmt::format(" (so far: \"{}\")", said->text) : ""));
-    }
-    if (said_.size() < expected_) {
-      names.push_back(fmt::format("{} {} that did not answer", expected_ - said_.size(),
-                                  of_sub_worlds() ? "haptic_sim" : "world_sim"));
+    for (std::uint32_t instance = 0; instance < expected_; ++instance) {
+      const auto said = said_.find(instance);
+      if (said == said_.end()) {
+        names.push_back(label_of(asked_, instance));
+      } else if (!done(said->second)) {
+        names.push_back(fmt::format("{} (so far: \"{}\")", label_of(asked_, instance), said->second.text));
+      }
     }
     return joined(names, " and ");
   }
 
  private:
-  [[nodiscard]] static bool done(const std::optional<OrderAnswer>& said) {
-    return said && said->outcome != OrderState::preparing;
-  }
+  [[nodiscard]] static bool done(const OrderAnswer& said) { return said.outcome != OrderState::preparing; }
   std::uint32_t order_;
   ProgramKind asked_;
   std::uint32_t expected_;
-  std::map<std::uint32_t, std::optional<OrderAnswer>> said_;  ///< the newest answer, by instance; none: not yet
+  std::map<std::uint32_t, OrderAnswer> said_;  ///< the newest answer, by instance
 };
 
 /// Prints the answers to the order, until each program that it is for has executed it. Throws `Error` (failed) where
 /// one refuses, or does not execute it within `wait_s`.
-void await_answers(Bus& bus, Reader<ControlReply>& replies, Reader<Status>& statuses,
-                   const Reader<SceneDescription>& scene, const Control& order, Answers& answers, double wait_s) {
+void await_answers(Bus& bus, Reader<ControlReply>& replies, const Reader<SceneDescription>& scene, const Control& order,
+                   Answers& answers, double wait_s) {
   const TimePoint until = Clock::now() + from_seconds(wait_s);
   ControlReply reply;
-  Status status;
   while (true) {
     while (replies.take(reply) == Take::sample) answers.hear(reply);
-    while (statuses.take(status) == Take::sample) answers.met(status.program, status.instance);
     if (answers.complete()) return;
     if (order.verb == ControlVerb::stop && scene.matched() == 0) return;  // it has ended
     if (Clock::now() > until) break;
@@ -125,7 +114,6 @@ void send_control(const Network& network, Control order, double wait_s) {
   listening.mode = Mode::realtime;
   const auto hearing = open_bus(network, listening, 0.001, "subworld control");
   auto replies = hearing->reader<ControlReply>();
-  auto statuses = hearing->reader<Status>();
   auto scene = hearing->reader<SceneDescription>();
   const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
   auto writer = bus->writer<Control>();
@@ -138,7 +126,7 @@ void send_control(const Network& network, Control order, double wait_s) {
   const bool for_sub_worlds = order_for_sub_worlds(order).has_value();
   Answers answers(order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
                   for_sub_worlds ? world.users : 1);
-  await_answers(*hearing, replies, statuses, scene, order, answers, wait_s);
+  await_answers(*hearing, replies, scene, order, answers, wait_s);
 }
 
 }  // namespace subworld

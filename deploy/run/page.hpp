@@ -9,6 +9,8 @@ namespace subworld {
 /// Completes the options for --page: a free port where none is given. Throws `Error` (failed) if there is none.
 void choose_page_port(LiveOptions& live);
 
+/// "127.0.0.1:8765"
+[[nodiscard]] std::string own_address(const std::string& host, int port);
 /// The page's address; with a token the user adds it: "http://127.0.0.1:8765/?token=TOKEN".
 [[nodiscard]] std::string page_address(const LiveOptions& live);
 
@@ -20,7 +22,6 @@ class PageOpener {
   void operator()();
 
  private:
-  std::string address_;
   LiveOptions live_;
   bool waiting_;
 };

@@ -76,10 +76,6 @@ void share_cores(Options& options, Scene& scene) {
              scene.users.size(), cores, cores == 1 ? "" : "s", most);
 }
 
-Placement place_first_run(const Scene& scene, FileLock& lock) {
-  return lock.take("subworld-cores") == 0 ? place(scene, allowed_cores()) : Placement{};
-}
-
 bool is_placed_by_hand(const std::string& program) {
   std::string variable = "SUBWORLD_" + program + "_CORE";
   std::ranges::transform(variable, variable.begin(), [](unsigned char c) { return std::toupper(c); });

@@ -15,7 +15,6 @@
 #include "run/page.hpp"
 #include "run/run_plan.hpp"
 #include "session/collect.hpp"
-#include "session/distant_host.hpp"
 #include "watch/progress.hpp"
 
 #include <fmt/core.h>
@@ -34,9 +33,7 @@ constexpr std::size_t kSummary_bytes = 1 << 16, kUser_bytes = 1 << 14;  // at mo
 
 std::string viewers_text(const LiveOptions& live) {
   if (*live.port == 0) return "logs/gui_headless.log has the address";
-  const bool v6 = live.address.find(':') != std::string::npos;
-  return fmt::format("open ws://{}:{} in Lichtblick or Foxglove", v6 ? "[" + live.address + "]" : live.address,
-                     *live.port);
+  return fmt::format("open ws://{} in Lichtblick or Foxglove", own_address(live.address, *live.port));
 }
 
 /// One run, from its plan to its verdict. Hosts differ only in how a program starts there.
@@ -62,8 +59,7 @@ class Run {
     begin_ = Clock::now();
     use_ = machine_use();
     messages_.emplace(places_of_messages(run_.scene.settings.users));
-    const Keeper keeper([&](const std::vector<Restarted>& restarts) {
-      run_.restarts = restarts;
+    const Keeper keeper([&] {
       Ended ended;
       ended.orphaned = true;
       (void)conclude(std::move(ended));

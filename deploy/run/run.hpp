@@ -1,7 +1,7 @@
 #pragma once
 
 #include "io/options.hpp"
-#include "run/restart.hpp"
+#include "run/keeper.hpp"
 
 #include <cstdint>
 #include <string>

@@ -141,7 +141,6 @@ std::optional<Supervisor::Failure> Supervisor::revive() {
       child.starts_at = Clock::now() + (child.restarts == 0 ? 0 : 1 << child.restarts) * kFirstPause;
       const double after_s = std::chrono::duration<double>(Clock::now() - watched_from_).count();
       restarts_.push_back({child.program.label, after_s, reason});
-      keeper_.add(restarts_.back());
       fmt::print(stderr, "subworld: {} {}; it is started again\n", child.program.name(), reason);
     } else if (Clock::now() >= child.starts_at) {
       child.starts_at = {};
@@ -193,13 +192,6 @@ std::optional<Supervisor::Failure> Supervisor::failure() const {
   return halted ? std::nullopt : found;
 }
 
-std::optional<Supervisor::Failure> Supervisor::stuck() const {
-  const auto runs = [](const Child& child) { return child.process.pid > 0 && child.program.essential; };
-  const auto child = std::ranges::find_if(children_, runs);
-  if (child == children_.end()) return std::nullopt;
-  return Failure{*child, "is stuck: it did not end within 30 s of the world"};
-}
-
 bool Supervisor::any_running(bool essential_only) const {
   return std::ranges::any_of(children_, [&](const Child& c) {
     return (is_running(c) || is_to_start(c)) && (c.program.essential || !essential_only);
@@ -219,7 +211,12 @@ std::optional<Supervisor::Failure> Supervisor::watch(const std::function<void()>
     if (only_halted && !any_running(true)) break;  // a display that will not end
     // After the world the others only finish: one that does not end soon is stuck.
     if (children_.front().process.pid > 0 || is_to_start(children_.front())) world_seen = Clock::now();
-    if (Clock::now() - world_seen > kFinish) return stuck();
+    if (Clock::now() - world_seen > kFinish) {
+      const auto runs = [](const Child& child) { return child.process.pid > 0 && child.program.essential; };
+      const auto child = std::ranges::find_if(children_, runs);
+      if (child == children_.end()) return std::nullopt;
+      return Failure{*child, "is stuck: it did not end within 30 s of the world"};
+    }
     if (Clock::now() >= next_tick) {
       tick();
       next_tick += std::chrono::milliseconds(100);

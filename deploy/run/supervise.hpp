@@ -1,7 +1,6 @@
 #pragma once
 
 #include "run/keeper.hpp"
-#include "run/restart.hpp"
 
 #include <sys/types.h>
 
@@ -113,8 +112,6 @@ class Supervisor {
   /// Why an ended program is to be started again; empty: it is not.
   [[nodiscard]] std::string restart_reason(const Child& child) const;
   [[nodiscard]] std::optional<Failure> failure() const;
-  /// One that did not end in time after the world.
-  [[nodiscard]] std::optional<Failure> stuck() const;
   void signal_all(bool essential, int signal) const;
   void wait_while(const std::function<bool()>& runs, std::chrono::milliseconds at_most);
   [[nodiscard]] bool any_running(bool essential_only) const;

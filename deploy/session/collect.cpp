@@ -78,8 +78,6 @@ Options options_of(const std::vector<std::string>& arguments, const std::string&
 void merge_results(const std::vector<std::string>& folders, const std::string& out) {
   std::map<std::string, fs::path> found;
   for (const std::string& folder : folders) {
-    if (!fs::is_directory(folder))
-      throw Error(ExitCode::usage, fmt::format("{}: is no folder; name those that the programs wrote to", folder));
     for (const auto& entry : fs::recursive_directory_iterator(folder)) {
       const std::string name = entry.path().filename().string();
       if (!entry.is_regular_file() || fnmatch(kResults, name.c_str(), FNM_EXTMATCH) != 0) continue;

@@ -1,4 +1,4 @@
-#include "session/distant_host.hpp"
+#include "session/host.hpp"
 
 #include "judge/report.hpp"
 #include "model/error.hpp"
@@ -8,9 +8,13 @@
 #include "wire/recording_memory.hpp"
 
 #include <fmt/core.h>
+#include <poll.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <array>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <iterator>
@@ -33,6 +37,59 @@ std::string shell_word(const std::string& word) {
 }
 
 }  // namespace
+
+/// A shell command that answers lines. The destructor ends it.
+class Dialogue {
+ public:
+  explicit Dialogue(const std::string& command) {
+    int ends[2];
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return;
+    child_ = fork();
+    if (child_ == 0) {
+      setpgid(0, 0);  // a terminal's Ctrl-C reaches the launcher alone
+      dup2(ends[1], STDIN_FILENO);
+      dup2(ends[1], STDOUT_FILENO);
+      execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+      _exit(127);
+    }
+    close(ends[1]);
+    end_ = ends[0];
+  }
+  ~Dialogue() {
+    if (end_ >= 0) close(end_);
+    if (child_ <= 0) return;
+    kill(child_, SIGTERM);
+    waitpid(child_, nullptr, 0);
+  }
+  Dialogue(const Dialogue&) = delete;
+  Dialogue& operator=(const Dialogue&) = delete;
+
+  /// Sends an empty line. False where the command has ended.
+  [[nodiscard]] bool ask() const { return child_ > 0 && send(end_, "\n", 1, MSG_NOSIGNAL) == 1; }
+  /// Its next line; nothing where none comes within ten seconds.
+  [[nodiscard]] std::optional<std::string> answer() const {
+    constexpr int kPatience_ms = 10'000;
+    std::string line;
+    for (char c = 0;;) {
+      pollfd answer{.fd = end_, .events = POLLIN, .revents = 0};
+      if (poll(&answer, 1, kPatience_ms) != 1 || read(end_, &c, 1) != 1) return std::nullopt;
+      if (c == '\n') return line;
+      line += c;
+    }
+  }
+  /// Closes its input, and waits until it has ended, at most as long.
+  void end() const {
+    shutdown(end_, SHUT_WR);
+    while (answer()) {
+    }
+  }
+
+ private:
+  pid_t child_ = -1;
+  int end_ = -1;
+};
+
+DistantHost::~DistantHost() = default;
 
 DistantHost::DistantHost(const SessionHost& plan, const std::string& folder_here, std::string ssh,
                          const std::string& session_file)

@@ -10,14 +10,16 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <utility>
 #include <vector>
 
 namespace subworld {
 
 namespace {
 
-constexpr int kCallsPerLine = 50;  ///< where lines are not rewritten
-constexpr double kSlow = 0.9;      ///< real-time factor below which the remaining time is shown
+constexpr int kCallsPerLine = 50;   ///< where lines are not rewritten
+constexpr double kSlow = 0.9;       ///< real-time factor below which the remaining time is shown
+constexpr double kStalled_s = 3.0;  ///< a loop in lock-step names after 2 s the peer that it waits for
 
 std::string starting_line(const Status& world, std::size_t bodies) {
   if (world.state != "loading" && world.state != "settling") return world.state;
@@ -140,6 +142,25 @@ void Progress::warn_of_overload(const Status& status) {
       "{}: cannot keep up: a step takes {:.2f} ms of {:.2f} ms; choose a lower budget_ratio or a smaller box_half_m, "
       "the preset fast, or a longer h_s\n",
       label_of(status.program, status.instance), 1e3 * status.step_s, 1e3 * scene_.settings.h_s);
+}
+
+std::string Watchdog::observe(const Status& status, double now_s) {
+  if (status.program == ProgramKind::world_sim) paused_ = status.paused;
+  Clock& clock = clocks_[{status.program, status.instance}];
+  const bool steps = status.state == "running" && status.steps > 0;
+  std::string label = label_of(status.program, status.instance);
+  std::ranges::replace(label, ' ', '_');  // as its log is named
+  if (!steps || paused_ || status.time_s != clock.time_s) {
+    const bool advances = clock.named && steps && !paused_;
+    clock = {status.time_s, now_s, false};
+    return advances ? label + " advances again" : "";
+  }
+  const double stalled_s = now_s - clock.since_s;
+  if (stalled_s <= kStalled_s || !status.waits_for.empty()) return {};
+  if (stalled_s > longest_.for_s) longest_ = {label, status.time_s, stalled_s};
+  if (std::exchange(clock.named, true)) return {};
+  return fmt::format("{} has not advanced from t = {:.3f} s for {:.0f} s and waits for no peer: it is busy or stuck",
+                     label, status.time_s, stalled_s);
 }
 
 }  // namespace subworld

@@ -4,6 +4,7 @@
 
 #include <poll.h>
 #include <spnav.h>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <chrono>
@@ -85,18 +86,12 @@ class SpaceMouseDriver final : public DeviceDriver {
     }
   }
 
-  /// Quaternion of the turn in this time, times the orientation.
   void turn(double passed_s) {
-    const double rate = std::hypot(turn_[0], turn_[1], turn_[2]);
-    if (rate == 0.0) return;
-    const double s = std::sin(0.5 * rate * passed_s) / rate;
-    const double w = std::cos(0.5 * rate * passed_s), x = s * turn_[0], y = s * turn_[1], z = s * turn_[2];
-    const auto [a, b, c, d] = pose_.orientation;
-    pose_.orientation = {w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b,
-                         w * d + x * c - y * b + z * a};
-    double size = 0.0;
-    for (const double q : pose_.orientation) size += q * q;
-    for (double& q : pose_.orientation) q /= std::sqrt(size);
+    const Eigen::Map<const Eigen::Vector3d> rate(turn_.data());
+    auto& [w, x, y, z] = pose_.orientation;
+    const Eigen::AngleAxisd turned(rate.norm() * passed_s, rate.stableNormalized());
+    const Eigen::Quaterniond q = (turned * Eigen::Quaterniond(w, x, y, z)).normalized();
+    pose_.orientation = {q.w(), q.x(), q.y(), q.z()};
   }
 
   double speed_m_s_ = 0.0, turn_rad_s_ = 0.0, workspace_m_ = 0.0;

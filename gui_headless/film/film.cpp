@@ -1,8 +1,10 @@
-#include "film/recorded_world.hpp"
+#include "io/mcap_reader.hpp"
 #include "io/options.hpp"
 #include "io/results.hpp"
 #include "model/error.hpp"
+#include "model/exchange.hpp"
 #include "picture.hpp"
+#include "wire/codec.hpp"
 
 #include <fmt/core.h>
 #include <spawn.h>
@@ -12,7 +14,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstring>
+#include <deque>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -20,6 +22,106 @@
 
 namespace subworld {
 namespace {
+
+/// The world of a recording at any moment of its simulated time. All functions throw `Error` (usage) where the file is
+/// no finished recording.
+class RecordedWorld {
+ public:
+  explicit RecordedWorld(const std::string& file) : reader_(file), channel_(channel_of("/world_state")) {
+    const std::uint16_t scene = channel_of("/scene");
+    Codec<SceneDescription> codec;
+    std::optional<double> first;
+    for (std::size_t i = 0; i < reader_.chunks() && (scene_.bodies.empty() || !first); ++i) {
+      const mcap::Chunk chunk = reader_.read_chunk(i);
+      for (const mcap::Message& message : chunk.messages)
+        if (message.channel == scene) (void)codec.decode(message.data, scene_);
+      if (!first) first = first_stamp(chunk);
+    }
+    if (scene_.bodies.empty() || !first) {
+      throw Error(
+          ExitCode::usage,
+          fmt::format("{}: holds no state of the world; record a run of another length, and with this version", file));
+    }
+    from_s_ = to_s_ = *first;
+    for (std::size_t i = reader_.chunks(); i-- > 0 && to_s_ == from_s_;)
+      for (const WorldSnapshot& snapshot : snapshots_of(reader_.read_chunk(i))) to_s_ = snapshot.stamp_s;
+    show(from_s_);
+  }
+
+  [[nodiscard]] const SceneDescription& scene() const noexcept { return scene_; }
+  [[nodiscard]] double from_s() const noexcept { return from_s_; }
+  [[nodiscard]] double to_s() const noexcept { return to_s_; }
+
+  /// The moment that `states` and `users` show from now on; between two snapshots the states are interpolated. Moments
+  /// outside the recording are its first or last one. Forward steps read each chunk once.
+  void show(double time_s) {
+    if (after_.states.empty() || time_s < before_.time_s) restart(time_s);
+    while (after_.time_s < time_s && read_next()) {
+    }
+    const double span_s = after_.time_s - before_.time_s;
+    const double part = span_s <= 0.0 ? 1.0 : std::clamp((time_s - before_.time_s) / span_s, 0.0, 1.0);
+    shown_ = after_.states;
+    for (std::size_t i = 0; i < shown_.size(); ++i) {
+      const BodyState& from = before_.states[i];
+      shown_[i].position = from.position + part * (after_.states[i].position - from.position);
+      shown_[i].orientation = from.orientation.slerp(part, after_.states[i].orientation);
+    }
+    if (before_.users.empty()) before_.users = after_.users;
+  }
+  [[nodiscard]] const std::vector<BodyState>& states() const noexcept { return shown_; }
+  [[nodiscard]] const std::vector<UserView>& users() const noexcept { return before_.users; }
+
+ private:
+  struct Moment {
+    double time_s = 0.0;
+    std::vector<BodyState> states;
+    std::vector<UserView> users;
+  };
+
+  [[nodiscard]] std::uint16_t channel_of(const std::string& topic) const {
+    const auto at = std::ranges::find(reader_.topics(), topic, [](const auto& one) { return one.second; });
+    return at == reader_.topics().end() ? std::uint16_t{0} : at->first;
+  }
+  std::deque<WorldSnapshot> snapshots_of(const mcap::Chunk& chunk) {
+    std::deque<WorldSnapshot> all;
+    WorldSnapshot snapshot;
+    for (const mcap::Message& message : chunk.messages)
+      if (message.channel == channel_ && codec_.decode(message.data, snapshot)) all.push_back(snapshot);
+    return all;
+  }
+  std::optional<double> first_stamp(const mcap::Chunk& chunk) {
+    const auto all = snapshots_of(chunk);
+    return all.empty() ? std::nullopt : std::optional(all.front().stamp_s);
+  }
+  /// Begins with a chunk early enough that a snapshot of all bodies comes before the moment.
+  void restart(double time_s) {
+    next_chunk_ = reader_.last_chunk_before(time_s - kCompleteSnapshot_s,
+                                            [this](const mcap::Chunk& chunk) { return first_stamp(chunk); });
+    read_.clear();
+    before_ = after_ = {from_s_, scene_.states, {}};
+  }
+  bool read_next() {
+    while (read_.empty() && next_chunk_ < reader_.chunks()) read_ = snapshots_of(reader_.read_chunk(next_chunk_++));
+    if (read_.empty()) return false;
+    before_ = after_;
+    for (const StampedBody& moved : read_.front().moved)
+      if (index(moved.id) < after_.states.size()) after_.states[index(moved.id)] = moved.state;
+    after_.time_s = read_.front().stamp_s;
+    after_.users = std::move(read_.front().users);
+    read_.pop_front();
+    return true;
+  }
+
+  mcap::Reader reader_;
+  SceneDescription scene_;
+  Codec<WorldSnapshot> codec_;
+  std::uint16_t channel_ = 0;
+  double from_s_ = 0.0, to_s_ = 0.0;
+  std::size_t next_chunk_ = 0;
+  std::deque<WorldSnapshot> read_;
+  Moment before_, after_;
+  std::vector<BodyState> shown_;
+};
 
 struct Request {
   std::string file;
@@ -93,18 +195,18 @@ int make_film(const Request& request) {
   if (to_s < from_s) throw Error(ExitCode::usage, fmt::format("--to {} is before --from {}", to_s, from_s));
   std::optional<Camera> camera = camera_of(request);
   make_folder(request.out);
-  Renderer renderer(request.size);
   std::optional<double> line_m_per_n_s;
   const double interval_s = request.speed / request.rate_hz;
   const auto frames = static_cast<std::size_t>(std::floor((to_s - from_s) / interval_s + 1e-9)) + 1;
   for (std::size_t i = 0; i < frames; ++i) {
     world.show(from_s + static_cast<double>(i) * interval_s);
-    const Drawing drawing = renderer.draw({.bodies = world.scene().bodies,
-                                           .states = world.states(),
-                                           .meshes = world.scene().meshes,
-                                           .users = world.users(),
-                                           .camera = camera,
-                                           .line_m_per_n_s = line_m_per_n_s});
+    const Drawing drawing = draw({.bodies = world.scene().bodies,
+                                  .states = world.states(),
+                                  .meshes = world.scene().meshes,
+                                  .users = world.users(),
+                                  .camera = camera,
+                                  .line_m_per_n_s = line_m_per_n_s},
+                                 request.size);
     camera = drawing.camera;
     if (drawing.line_m_per_n_s > 0.0) line_m_per_n_s = drawing.line_m_per_n_s;
     write_png(fmt::format("{}/frame_{:06d}.png", request.out, i), drawing.image);

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <exception>
 #include <optional>
 #include <span>
 #include <string>
@@ -22,9 +23,21 @@ class Orders {
   explicit Orders(Bus& bus) : bus_(bus) {}
 
   /// Sends a `Control` in CDR. Returns why it did not; empty: sent.
-  [[nodiscard]] std::string send(std::span<const std::uint8_t> cdr, Clock::time_point now);
+  [[nodiscard]] std::string send(std::span<const std::uint8_t> cdr, Clock::time_point now) {
+    Control order;
+    if (!codec_.decode(cdr, order)) return "the order is no subworld::msg::Control";
+    try {
+      if (!writer_) writer_.emplace(bus_.writer<Control>());
+    } catch (const std::exception& fault) {
+      return fault.what();
+    }
+    until_ = now + std::chrono::seconds(5);  // discovery takes less than a second
+    return writer_->write(order) ? std::string{} : "the middleware did not take the order; try again";
+  }
   /// Once in a while.
-  void inspect(Clock::time_point now);
+  void inspect(Clock::time_point now) {
+    if (now > until_) writer_.reset();
+  }
 
  private:
   Bus& bus_;

@@ -1,10 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <list>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -43,25 +42,56 @@ class Outbox {
   explicit Outbox(Limits limits) : limits_(limits) {}
 
   /// False where there is no room: the client cannot be served further.
-  [[nodiscard]] bool add_control(std::string text);
-  void add_data(std::uint32_t subscription, Sample sample);
+  [[nodiscard]] bool add_control(std::string text) {
+    if (control_bytes_ + text.size() > limits_.control_bytes) return false;
+    control_bytes_ += text.size();
+    control_.push_back(std::move(text));
+    return true;
+  }
+  void add_data(std::uint32_t subscription, Sample sample) {
+    const auto same = std::ranges::find_if(
+        data_, [&](const Data& one) { return one.subscription == subscription && one.sample.key == sample.key; });
+    data_bytes_ += sample.bytes->size();
+    if (same == data_.end()) {
+      data_.push_back({subscription, std::move(sample)});
+    } else {
+      data_bytes_ -= std::exchange(same->sample, std::move(sample)).bytes->size();
+      ++dropped_;
+    }
+    for (; data_bytes_ > limits_.data_bytes && data_.size() > 1; ++dropped_) (void)take_data();
+  }
   /// Drops what waits for a subscription that ends.
-  void forget(std::uint32_t subscription);
+  void forget(std::uint32_t subscription) {
+    std::erase_if(data_, [&](const Data& one) {
+      const bool ended = one.subscription == subscription;
+      if (ended) data_bytes_ -= one.sample.bytes->size();
+      return ended;
+    });
+  }
   /// Takes the next message; empty if nothing waits.
-  [[nodiscard]] std::optional<Message> take();
+  [[nodiscard]] std::optional<Message> take() {
+    if (control_.empty()) return data_.empty() ? std::nullopt : std::optional(Message{{}, take_data()});
+    Message message{std::move(control_.front()), {}};
+    control_.pop_front();
+    control_bytes_ -= message.text.size();
+    return message;
+  }
 
   /// Samples that were replaced or dropped before they could be sent.
   [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
   [[nodiscard]] std::size_t bytes() const noexcept { return control_bytes_ + data_bytes_; }
 
  private:
-  using Key = std::pair<std::uint32_t, std::uint64_t>;
-  void erase(std::list<Data>::iterator at);
+  Data take_data() {
+    Data data = std::move(data_.front());
+    data_.pop_front();
+    data_bytes_ -= data.sample.bytes->size();
+    return data;
+  }
 
   Limits limits_;
   std::deque<std::string> control_;
-  std::list<Data> data_;  // oldest first
-  std::map<Key, std::list<Data>::iterator> by_key_;
+  std::deque<Data> data_;  // oldest first
   std::size_t control_bytes_ = 0;
   std::size_t data_bytes_ = 0;
   std::uint64_t dropped_ = 0;

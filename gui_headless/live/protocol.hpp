@@ -7,8 +7,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <utility>
-#include <variant>
 #include <vector>
 
 /// Messages of the Foxglove WebSocket protocol: JSON texts, and binary messages with samples.
@@ -28,38 +26,19 @@ enum class Level : std::uint8_t { info, warning, error };
 /// What precedes the bytes of a sample.
 [[nodiscard]] std::array<std::uint8_t, 13> data_header(std::uint32_t subscription, std::uint64_t time_ns) noexcept;
 
-struct Subscription {
-  std::uint32_t id = 0;
-  std::uint32_t channel = 0;
+/// A request of a client.
+struct Request {
+  enum class Op : std::uint8_t { subscribe, unsubscribe, advertise, unadvertise, publish, refused };
+  struct Item {
+    std::uint32_t id = 0;         ///< of a subscription, or of a channel on which the client publishes: its own number
+    std::uint32_t channel = 0;    ///< to which it subscribes
+    std::string topic, encoding;  ///< of what it will publish
+  };
+  Op op = Op::refused;
+  std::vector<Item> items;
+  std::span<const std::uint8_t> bytes;  ///< that are published; they live as long as those of the message
+  std::string why;                      ///< a message is refused
 };
-struct Subscribe {
-  std::vector<Subscription> subscriptions;
-};
-struct Unsubscribe {
-  std::vector<std::uint32_t> subscriptions;
-};
-/// A client will publish on this topic, under an id of its own.
-struct Publication {
-  std::uint32_t id = 0;
-  std::string topic;
-  std::string encoding;
-};
-struct Advertise {
-  std::vector<Publication> publications;
-};
-struct Unadvertise {
-  std::vector<std::uint32_t> publications;
-};
-/// A message on a channel that the client has advertised. The bytes live as long as those of the client's message.
-struct Publish {
-  std::uint32_t publication = 0;
-  std::span<const std::uint8_t> bytes;
-};
-/// A message without effect, and the reason.
-struct Refused {
-  std::string why;
-};
-using Request = std::variant<Subscribe, Unsubscribe, Advertise, Unadvertise, Publish, Refused>;
 /// Reads a text message of a client.
 [[nodiscard]] Request parse_request(std::string_view text);
 /// Reads a binary message of a client.

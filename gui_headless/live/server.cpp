@@ -1,5 +1,6 @@
 #include "server.hpp"
 
+#include "listener.hpp"
 #include "model/error.hpp"
 #include "orders.hpp"
 #include "session.hpp"
@@ -8,21 +9,18 @@
 
 #include <fmt/core.h>
 #include <libwebsockets.h>
-#include <netdb.h>
 #include <netinet/tcp.h>
 #include <signal.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <charconv>
-#include <cstring>
 #include <deque>
 #include <functional>
 #include <future>
 #include <mutex>
 #include <random>
+#include <stdexcept>
 #include <string_view>
 #include <thread>
 #include <utility>
@@ -39,49 +37,6 @@ constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewel
 
 constexpr std::string_view kOrderTopic = "/control";
 
-/// The user of "/user_N/tool"; none: it is another topic.
-std::optional<int> user_of_tool(std::string_view topic, int users) {
-  constexpr std::string_view kBegin = "/user_", kEnd = "/tool";
-  if (!topic.starts_with(kBegin) || !topic.ends_with(kEnd)) return std::nullopt;
-  topic.remove_prefix(kBegin.size());
-  topic.remove_suffix(std::min(kEnd.size(), topic.size()));
-  int user = -1;
-  const auto [end, fault] = std::from_chars(topic.data(), topic.data() + topic.size(), user);
-  if (fault != std::errc{} || end != topic.data() + topic.size() || user < 0 || user >= users) return std::nullopt;
-  return user;
-}
-
-std::string random_session() {
-  std::random_device source;
-  return fmt::format("{:08x}{:08x}", source(), source());
-}
-
-/// Throws `Error` (failed) where it cannot listen.
-int listening_socket(const ServerConfig& config) {
-  addrinfo hints{};
-  hints.ai_flags = AI_NUMERICHOST;
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* at = nullptr;
-  const int unknown = getaddrinfo(config.address.c_str(), std::to_string(config.port).c_str(), &hints, &at);
-  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> freed(at, &freeaddrinfo);
-  const int listener = at != nullptr ? socket(at->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0) : -1;
-  constexpr int kOn = 1;
-  if (listener >= 0 && setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &kOn, sizeof kOn) == 0 &&
-      bind(listener, at->ai_addr, at->ai_addrlen) == 0 && listen(listener, SOMAXCONN) == 0)
-    return listener;
-  throw Error(ExitCode::failed,
-              fmt::format("cannot serve viewers on {} port {}: {}; choose another --live PORT or --listen ADDRESS",
-                          config.address, config.port, at != nullptr ? std::strerror(errno) : gai_strerror(unknown)));
-}
-
-/// "127.0.0.1:8765"
-std::string address_of(const std::string& host, int listener) {
-  sockaddr_in6 own{};  // an IPv4 address has its port in the same place
-  socklen_t size = sizeof own;
-  getsockname(listener, reinterpret_cast<sockaddr*>(&own), &size);
-  return fmt::format("{}:{}", host.find(':') != std::string::npos ? "[" + host + "]" : host, ntohs(own.sin6_port));
-}
-
 }  // namespace
 
 struct Server::Parts {
@@ -89,7 +44,7 @@ struct Server::Parts {
       : config(wanted), sources(bus, wanted.users), orders(bus), tools(wanted.domain, wanted.users) {
     context.reset(open_context());
     if (!context) throw Error(ExitCode::failed, "cannot serve viewers: libwebsockets does not start");
-    const int socket = listening_socket(config);
+    const int socket = listening_socket(config.address, config.port);
     address = address_of(config.address, socket);
     listener = adopt(socket, LWS_ADOPT_RAW_FILE_DESC);
     timer = adopt(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC), LWS_ADOPT_RAW_FILE_DESC);
@@ -244,49 +199,44 @@ struct Server::Parts {
   }
 
   void requested(Session& session, const Request& request) {
-    if (const auto* wanted = std::get_if<Subscribe>(&request)) {
-      for (const Subscription& one : wanted->subscriptions) subscribe(session, one);
-    } else if (const auto* ended = std::get_if<Unsubscribe>(&request)) {
-      for (const std::uint32_t id : ended->subscriptions) unsubscribe(session, id);
-    } else if (const auto* offered = std::get_if<Advertise>(&request)) {
-      for (const Publication& one : offered->publications) advertise(session, one);
-    } else if (const auto* withdrawn = std::get_if<Unadvertise>(&request)) {
-      for (const std::uint32_t id : withdrawn->publications) withdraw(session, id);
-    } else if (const auto* published = std::get_if<Publish>(&request)) {
-      publish(session, *published);
-    } else {
-      session.send_control(status_text(Level::error, std::get<Refused>(request).why));
-    }
+    using Op = Request::Op;
+    if (request.op == Op::refused) session.send_control(status_text(Level::error, request.why));
+    for (const Request::Item& item : request.items) try {
+        if (request.op == Op::subscribe) subscribe(session, item);
+        if (request.op == Op::unsubscribe) unsubscribe(session, item.id);
+        if (request.op == Op::advertise) advertise(session, item);
+        if (request.op == Op::unadvertise) withdraw(session, item.id);
+        if (request.op == Op::publish) publish(session, item.id, request.bytes);
+      } catch (const std::exception& fault) {
+        const bool reads = request.op == Op::subscribe || request.op == Op::unsubscribe;
+        session.send_control(status_text(
+            Level::error, fmt::format("{} {}: {}", reads ? "subscription" : "channel", item.id, fault.what())));
+      }
   }
 
-  void advertise(Session& session, const Publication& offered) {
-    const auto refuse = [&](const std::string& why) {
-      session.send_control(status_text(Level::error, fmt::format("channel {}: {}", offered.id, why)));
-    };
-    const std::optional<int> user = user_of_tool(offered.topic, config.users);
-    if ((offered.topic != kOrderTopic && !user) || offered.encoding != "cdr")
-      return refuse(fmt::format("this server takes messages of {} and of /user_N/tool in cdr only", kOrderTopic));
-    if (!session.may_publish())
-      return refuse(
-          "a page of another site may not give orders or hold tools; start the display with a token, and give it");
-    if (session.publications.size() >= kMostSubscriptions) return refuse("too many channels");
+  // These throw `std::exception` where they refuse.
+  static void require(bool holds, const std::string& else_why) {
+    if (!holds) throw std::runtime_error(else_why);
+  }
+  void advertise(Session& session, const Request::Item& offered) {
+    const std::optional<int> user = tools.user_of(offered.topic);
+    require((offered.topic == kOrderTopic || user) && offered.encoding == "cdr",
+            fmt::format("this server takes messages of {} and of /user_N/tool in cdr only", kOrderTopic));
+    require(session.may_publish(),
+            "a page of another site may not give orders or hold tools; start the display with a token, and give it");
+    require(session.publications.size() < kMostSubscriptions, "too many channels");
     session.publications[offered.id] = user;
   }
 
-  void publish(Session& session, const Publish& message) {
-    const auto known = session.publications.find(message.publication);
+  void publish(Session& session, std::uint32_t id, std::span<const std::uint8_t> bytes) {
+    const auto known = session.publications.find(id);
+    require(known != session.publications.end(), "is not advertised");
+    const std::optional<int> user = known->second;
+    if (user && over) return;
     const auto now = Session::Clock::now();
-    std::string fault;
-    if (known == session.publications.end()) {
-      fault = fmt::format("channel {} is not advertised", message.publication);
-    } else if (const std::optional<int> user = known->second) {
-      if (over) return;
-      fault = tools.move(*user, session.number(), message.bytes, now);
-      show_tools();
-    } else {
-      fault = orders.send(message.bytes, now);
-    }
-    if (!fault.empty()) session.send_control(status_text(Level::error, fault));
+    const std::string fault = user ? tools.move(*user, session.number(), bytes, now) : orders.send(bytes, now);
+    show_tools();
+    require(fault.empty(), fault);
   }
 
   void withdraw(Session& session, std::uint32_t id) {
@@ -297,23 +247,14 @@ struct Server::Parts {
     show_tools();
   }
 
-  void show_tools() {
-    if (auto cdr = tools.news()) sources.show(kToolsTopic, std::move(*cdr), deliver);
-  }
+  void show_tools() { sources.show(kToolsTopic, tools.state(), deliver); }
 
-  void subscribe(Session& session, const Subscription& wanted) {
-    const auto refuse = [&](const std::string& why) {
-      session.send_control(status_text(Level::error, fmt::format("subscription {}: {}", wanted.id, why)));
-    };
+  void subscribe(Session& session, const Request::Item& wanted) {
     const Channel* channel = sources.channel(wanted.channel);
-    if (channel == nullptr) return refuse(fmt::format("there is no channel {}", wanted.channel));
-    if (session.subscriptions.contains(wanted.id)) return refuse("this id is in use");
-    if (session.subscriptions.size() >= kMostSubscriptions) return refuse("too many subscriptions");
-    try {
-      sources.subscribe(*channel);
-    } catch (const std::exception& fault) {
-      return refuse(fault.what());
-    }
+    require(channel != nullptr, fmt::format("there is no channel {}", wanted.channel));
+    require(!session.subscriptions.contains(wanted.id), "this id is in use");
+    require(session.subscriptions.size() < kMostSubscriptions, "too many subscriptions");
+    sources.subscribe(*channel);
     session.subscriptions[wanted.id] = wanted.channel;
     if (subscribers++ == 0) schedule(kPeriod);
     for (const Sample& sample : sources.newest(*channel)) session.send_data(wanted.id, sample);
@@ -321,9 +262,7 @@ struct Server::Parts {
 
   void unsubscribe(Session& session, std::uint32_t id) {
     const auto known = session.subscriptions.find(id);
-    if (known == session.subscriptions.end()) {
-      return session.send_control(status_text(Level::error, fmt::format("there is no subscription {}", id)));
-    }
+    require(known != session.subscriptions.end(), "there is none");
     sources.unsubscribe(*sources.channel(known->second));
     --subscribers;
     session.subscriptions.erase(known);
@@ -343,7 +282,7 @@ struct Server::Parts {
   }
 
   const ServerConfig config;
-  const std::string session_id = random_session();
+  const std::string session_id = fmt::format("{:08x}{:08x}", std::random_device()(), std::random_device()());
   std::string address;
   Sources sources;
   Orders orders;
@@ -394,9 +333,9 @@ bool Server::verdict_is_awaited() const {
   return answer.get_future().get();
 }
 
-void Server::show_verdict(std::vector<std::uint8_t> cdr) {
-  parts_->post([parts = parts_.get(), cdr = std::move(cdr)]() mutable {
-    parts->sources.show(kVerdictTopic, std::move(cdr), parts->deliver);
+void Server::show_verdict(const std::string& summary_file) {
+  parts_->post([parts = parts_.get(), summary_file] {
+    parts->sources.show(kVerdictTopic, encode_verdict(summary_file), parts->deliver);
   });
 }
 

@@ -38,8 +38,8 @@ class Server {
   void end_run();
   /// Whether a viewer subscribes to the verdict.
   [[nodiscard]] bool verdict_is_awaited() const;
-  /// The verdict, as encode_verdict() gives it.
-  void show_verdict(std::vector<std::uint8_t> cdr);
+  /// The verdict, of the summary of the run.
+  void show_verdict(const std::string& summary_file);
   /// "127.0.0.1:8765"
   [[nodiscard]] const std::string& address() const noexcept;
 

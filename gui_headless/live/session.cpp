@@ -1,7 +1,5 @@
 #include "session.hpp"
 
-#include "page.hpp"
-
 #include <arpa/inet.h>
 #include <fmt/core.h>
 #include <libwebsockets.h>
@@ -13,6 +11,10 @@
 #include <vector>
 
 namespace subworld::live {
+
+/// The page of web/, as compressed HTML. Empty in a build without Node.js. Generated in the build folder.
+[[nodiscard]] std::span<const std::uint8_t> page_gzip() noexcept;
+
 namespace {
 
 constexpr std::size_t kMostMessageBytes = 64U << 10U;  // of a client

@@ -1,11 +1,10 @@
 #include "sources.hpp"
 
-#include "cdr_text.hpp"
-#include "scene_update.hpp"
+#include "io/json.hpp"
 #include "tools.hpp"
-#include "verdict.hpp"
 #include "wire/schema.hpp"
 #include "world_view.hpp"
+#include "written.hpp"
 
 #include <fmt/core.h>
 
@@ -19,10 +18,15 @@ namespace subworld::live {
 namespace {
 
 constexpr std::string_view kModule = "subworld::msg::", kWorldView = "subworld::msg::WorldView",
-                           kPlace = "subworld::msg::ProgramPlace", kUpdate = "foxglove::SceneUpdate";
+                           kPlace = "subworld::msg::ProgramPlace", kUpdate = "foxglove::SceneUpdate",
+                           kSceneTopic = "/scene", kPlaceTopic = "/program_place";
 constexpr std::string_view kPlaceSchema =
     "module subworld {\nmodule msg {\n@final struct ProgramPlace {\n  @key unsigned long program;\n"
     "  @key unsigned long instance;\n  string dds;\n  string host;\n  string process;\n};\n};\n};\n";
+constexpr std::string_view kVerdictSchema =
+    "module subworld {\nmodule msg {\n@final struct Gate {\n  string name;\n  double value;\n  double bound;\n"
+    "  boolean at_most;\n  string unit;\n  boolean ok;\n  boolean warning;\n  string missed_by;\n  string why;\n};\n"
+    "@final struct Verdict {\n  string verdict;\n  sequence<Gate> gates;\n};\n};\n};\n";
 constexpr double kMostUpdateBytes_s = 20e6;  // a large scene is sent at a lower rate
 constexpr std::uint64_t kEvent = 1ULL << 63U;
 
@@ -38,12 +42,12 @@ Channel topic_channel(std::string topic, std::string partition = {}) {
 }
 
 std::vector<Channel> all_channels(int users) {
-  std::vector<Channel> channels{topic_channel<SceneDescription>("/scene"),
+  std::vector<Channel> channels{topic_channel<SceneDescription>(std::string(kSceneTopic)),
                                 topic_channel<WorldSnapshot>("/world_state"),
                                 {0, "/scene_update", std::string(kUpdate), std::string(scene_update_schema()), {}, {}},
                                 {0, "/world_view", std::string(kWorldView), world_view_schema(), {}, {}},
                                 topic_channel<Status>("/status"),
-                                {0, "/program_place", std::string(kPlace), std::string(kPlaceSchema), {}, {}},
+                                {0, std::string(kPlaceTopic), std::string(kPlace), std::string(kPlaceSchema), {}, {}},
                                 topic_channel<Control>("/control"),
                                 topic_channel<ControlReply>("/control_reply")};
   for (int user = 0; user < users; ++user) {
@@ -54,13 +58,12 @@ std::vector<Channel> all_channels(int users) {
     channels.push_back(topic_channel<HapticReport>(name + "haptic_report", user_partition(user)));
   }
   channels.push_back({0, std::string(kToolsTopic), "subworld::msg::Tools", Tools::schema(), {}, {}});
-  channels.push_back({0, std::string(kVerdictTopic), "subworld::msg::Verdict", verdict_schema(), {}, {}});
+  channels.push_back({0, std::string(kVerdictTopic), "subworld::msg::Verdict", std::string(kVerdictSchema), {}, {}});
   for (std::size_t i = 0; i < channels.size(); ++i) channels[i].id = static_cast<std::uint32_t>(i + 1);
   return channels;
 }
 
 bool is_view(const Channel& channel) { return channel.type == kWorldView; }
-bool is_place(const Channel& channel) { return channel.type == kPlace; }
 bool is_update(const Channel& channel) { return channel.type == kUpdate; }
 bool is_scene(const Channel& channel) { return channel.row == kTopicIndex<SceneDescription>; }
 bool has_reader(const Channel& channel) {
@@ -81,11 +84,32 @@ std::uint64_t key_of(std::size_t row, std::span<const std::uint8_t> cdr) {
   return key;
 }
 
+Bytes shared(std::vector<std::uint8_t>&& cdr) {
+  return std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr));
+}
+
 }  // namespace
 
 std::uint64_t wall_time_ns() noexcept {
   return static_cast<std::uint64_t>(
       std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
+}
+
+std::vector<std::uint8_t> encode_verdict(const std::string& summary_file) {
+  const Json summary = read_json(summary_file);
+  return written([&](CdrWriter& cdr) {
+    cdr("", summary.at("verdict").get<std::string>());
+    cdr.sequence("", summary.at("gates"), [&](std::size_t, const Json& gate) {
+      cdr("", gate.at("name").get<std::string>());
+      cdr("", gate.at("value").get<double>());
+      cdr("", gate.at("bound").get<double>());
+      cdr("", gate.at("at_most").get<bool>());
+      cdr("", gate.at("unit").get<std::string>());
+      cdr("", gate.at("ok").get<bool>());
+      cdr("", gate.at("warning").get<bool>());
+      for (const char* key : {"missed_by", "why"}) cdr("", gate.value(key, std::string()));
+    });
+  });
 }
 
 Sources::Sources(const Bus& bus, int users) : bus_(bus), channels_(all_channels(users)) {}
@@ -119,11 +143,8 @@ void Sources::unsubscribe(const Channel& channel) noexcept {
 
 std::vector<Sample> Sources::newest(const Channel& channel) const {
   std::vector<Sample> samples;
-  if (is_scene(channel) && scene_bytes_) samples.push_back({0, wall_time_ns(), scene_bytes_});
-  if (is_place(channel))
-    for (const auto& [key, sample] : places_) samples.push_back(sample);
   if (const auto at = shown_.find(channel.topic); at != shown_.end())
-    samples.push_back({0, wall_time_ns(), at->second});
+    for (const auto& [key, sample] : at->second) samples.push_back(sample);
   if (const auto at = open_.find(channel.id); at != open_.end())
     for (const auto& [key, sample] : at->second.newest) samples.push_back(sample);
   std::ranges::sort(samples, {}, &Sample::time_ns);
@@ -136,28 +157,24 @@ void Sources::describe(std::shared_ptr<const SceneDescription> scene, const Deli
   changed_ = true;
   Codec<SceneDescription> codec;
   const auto cdr = codec.encode(*scene_);
-  scene_bytes_ = std::make_shared<const std::vector<std::uint8_t>>(cdr.begin(), cdr.end());
-  for (const Channel& channel : channels_)
-    if (is_scene(channel)) deliver(channel, {0, wall_time_ns(), scene_bytes_});
+  show(kSceneTopic, {cdr.begin(), cdr.end()}, deliver);
 }
 
 void Sources::place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer, const Deliver& deliver) {
-  CdrText cdr;
-  cdr.put(static_cast<std::uint32_t>(program));
-  cdr.put(instance);
-  for (const std::string& text : {peer.dds, peer.host, peer.process}) cdr.put_text(text);
-  const std::uint64_t key = static_cast<std::uint64_t>(program) << 32U | instance;
-  const Sample& sample =
-      places_[key] = {key, wall_time_ns(), std::make_shared<const std::vector<std::uint8_t>>(cdr.take())};
-  for (const Channel& channel : channels_)
-    if (is_place(channel)) deliver(channel, sample);
+  std::vector<std::uint8_t> cdr = written([&](CdrWriter& archive) {
+    archive("", static_cast<std::uint32_t>(program));
+    archive("", instance);
+    for (const std::string& text : {peer.dds, peer.host, peer.process}) archive("", text);
+  });
+  show(kPlaceTopic, std::move(cdr), deliver, static_cast<std::uint64_t>(program) << 32U | instance);
 }
 
-void Sources::show(std::string_view topic, std::vector<std::uint8_t> cdr, const Deliver& deliver) {
-  const Bytes bytes = std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr));
-  shown_.insert_or_assign(std::string(topic), bytes);
+void Sources::show(std::string_view topic, std::vector<std::uint8_t> cdr, const Deliver& deliver, std::uint64_t key) {
+  Sample& shown = shown_[std::string(topic)][key];
+  if (shown.bytes && *shown.bytes == cdr) return;
+  shown = {key, wall_time_ns(), shared(std::move(cdr))};
   for (const Channel& channel : channels_)
-    if (channel.topic == topic) deliver(channel, {0, wall_time_ns(), bytes});
+    if (channel.topic == topic) deliver(channel, shown);
 }
 
 bool Sources::verdict_is_awaited() const noexcept {
@@ -181,8 +198,7 @@ void Sources::poll_topic(const Channel& channel, Open& open, const Deliver& deli
   std::vector<std::uint8_t> cdr;
   while (open.observer->receive(cdr)) {
     const std::uint64_t key = is_event(channel) ? kEvent | events_++ : key_of(*channel.row, cdr);
-    arrived[key] = {key, now, std::make_shared<const std::vector<std::uint8_t>>(std::move(cdr))};
-    cdr = {};
+    arrived[key] = {key, now, shared(std::exchange(cdr, {}))};
   }
   for (const auto& [key, sample] : arrived) {
     deliver(channel, sample);
@@ -201,7 +217,7 @@ void Sources::poll_made(const Channel& channel, Open& open, const Deliver& deliv
   const std::uint64_t now = wall_time_ns();
   std::optional<std::vector<std::uint8_t>> made = is_view(channel) ? viewer_.make(now) : make_scene_update(now);
   if (!made) return;
-  open.newest[0] = {0, now, std::make_shared<const std::vector<std::uint8_t>>(std::move(*made))};
+  open.newest[0] = {0, now, shared(std::move(*made))};
   deliver(channel, open.newest[0]);
 }
 

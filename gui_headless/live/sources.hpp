@@ -49,10 +49,11 @@ class Sources {
 
   /// The world as first received.
   void describe(std::shared_ptr<const SceneDescription> scene, const Deliver& deliver);
-  /// Where a program of the run was found.
+  /// Where a program of the run was found; also where it is known.
   void place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer, const Deliver& deliver);
-  /// The newest message, as CDR, of a channel that is made elsewhere: kToolsTopic or kVerdictTopic.
-  void show(std::string_view topic, std::vector<std::uint8_t> cdr, const Deliver& deliver);
+  /// The newest message, as CDR, of a key of a channel that is made elsewhere, as kToolsTopic and kVerdictTopic are;
+  /// delivered where it differs from the last one.
+  void show(std::string_view topic, std::vector<std::uint8_t> cdr, const Deliver& deliver, std::uint64_t key = 0);
   /// Whether somebody subscribes to the verdict.
   [[nodiscard]] bool verdict_is_awaited() const noexcept;
   /// Receives what has arrived and delivers the newest sample of each key.
@@ -73,9 +74,7 @@ class Sources {
   std::vector<Channel> channels_;
   std::map<std::uint32_t, Open> open_;
   std::shared_ptr<const SceneDescription> scene_;
-  Bytes scene_bytes_;
-  std::map<std::string, Bytes, std::less<>> shown_;  // by topic
-  std::map<std::uint64_t, Sample> places_;           // by program and instance
+  std::map<std::string, std::map<std::uint64_t, Sample>> shown_;  // by topic and key
   std::uint64_t events_ = 0;
   WorldViewer viewer_;
   // of the scene update
@@ -85,6 +84,17 @@ class Sources {
   bool changed_ = false;
   std::uint64_t next_update_ns_ = 0;
 };
+
+/// The world as `foxglove::SceneUpdate`, CDR with its header. Entities: `fixed`, `bodies` and `forces` (an arrow at
+/// each proxy, `kArrow_m_per_n` long per newton). Each message has all bodies, so that a client may miss any. Colours
+/// as in the picture: proxies are red, members blue, border bodies yellow, other movable bodies light grey.
+[[nodiscard]] std::vector<std::uint8_t> scene_update(const SceneDescription& scene, std::span<const BodyState> states,
+                                                     std::span<const UserView> users, std::uint64_t time_ns);
+
+inline constexpr double kArrow_m_per_n = 0.02;
+
+/// The message of kVerdictTopic. Throws `std::exception` where the summary has no verdict.
+[[nodiscard]] std::vector<std::uint8_t> encode_verdict(const std::string& summary_file);
 
 /// Time since 1970, ns.
 [[nodiscard]] std::uint64_t wall_time_ns() noexcept;

@@ -1,5 +1,7 @@
 #include "tools.hpp"
 
+#include "written.hpp"
+
 #include <fmt/core.h>
 #include <unistd.h>
 
@@ -54,12 +56,6 @@ std::string fault_of(const ToolPose& pose) {
   return {};
 }
 
-PoseDatagram released() noexcept {
-  PoseDatagram pose{};
-  pose.flags = kReleased;
-  return pose;
-}
-
 }  // namespace
 
 Tools::Tools(int domain, int users) : tools_(static_cast<std::size_t>(std::max(users, 0))) {
@@ -108,7 +104,9 @@ void Tools::release(int user, std::uint32_t connection) noexcept {
   Tool& tool = tools_[static_cast<std::size_t>(user)];
   if (tool.holder != connection) return;
   tool.holder = 0;
-  send(tool, released());
+  PoseDatagram pose{};
+  pose.flags = kReleased;
+  send(tool, pose);
 }
 
 void Tools::release(std::uint32_t connection) noexcept {
@@ -155,19 +153,21 @@ std::string Tools::schema() {
          "@final struct Tools {\n  sequence<Tool> tools;\n};\n";
 }
 
-std::optional<std::vector<std::uint8_t>> Tools::news() {
-  std::vector<std::uint32_t> words{0};
-  for (std::size_t user = 0; user < tools_.size(); ++user) {
-    if (!tools_[user].offered) continue;
-    words.insert(words.end(), {static_cast<std::uint32_t>(user), tools_[user].holder});
-    ++words.front();
-  }
-  std::vector<std::uint8_t> cdr{0, 1, 0, 0};
-  cdr.resize(kCdrHead + sizeof(std::uint32_t) * words.size());
-  std::memcpy(cdr.data() + kCdrHead, words.data(), sizeof(std::uint32_t) * words.size());
-  if (cdr == shown_) return std::nullopt;
-  shown_ = cdr;
-  return cdr;
+std::vector<std::uint8_t> Tools::state() const {
+  std::vector<std::array<std::uint32_t, 2>> offered;
+  for (std::size_t user = 0; user < tools_.size(); ++user)
+    if (tools_[user].offered) offered.push_back({static_cast<std::uint32_t>(user), tools_[user].holder});
+  return written([&](CdrWriter& cdr) {
+    cdr.sequence("", offered, [&](std::size_t, const auto& one) {
+      for (const std::uint32_t number : one) cdr("", number);
+    });
+  });
+}
+
+std::optional<int> Tools::user_of(std::string_view topic) const {
+  for (int user = 0; user < static_cast<int>(tools_.size()); ++user)
+    if (topic == fmt::format("/user_{}/tool", user)) return user;
+  return std::nullopt;
 }
 
 }  // namespace subworld::live

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace subworld::live {
@@ -35,8 +36,10 @@ class Tools {
   void release(std::uint32_t connection) noexcept;
   /// Once in a while: looks for devices, and ends what `kQuiet` ends.
   void inspect(Clock::time_point now) noexcept;
-  /// The state of all tools in CDR, `schema()`, where it differs from that of the last call; else nothing.
-  [[nodiscard]] std::optional<std::vector<std::uint8_t>> news();
+  /// The state of all tools in CDR, `schema()`.
+  [[nodiscard]] std::vector<std::uint8_t> state() const;
+  /// The user of "/user_N/tool"; none: it is another topic.
+  [[nodiscard]] std::optional<int> user_of(std::string_view topic) const;
 
   [[nodiscard]] static std::string schema();
 
@@ -57,7 +60,6 @@ class Tools {
   void send(Tool& tool, PoseDatagram pose) noexcept;
 
   std::vector<Tool> tools_;  // of each user
-  std::vector<std::uint8_t> shown_;
 };
 
 }  // namespace subworld::live

@@ -2,7 +2,6 @@
 
 #include "wire/schema.hpp"
 
-#include <algorithm>
 #include <cstring>
 #include <string_view>
 
@@ -11,12 +10,6 @@ namespace {
 
 constexpr double kMostBytes_s = 4e6;
 
-/// A row of `placed`, without padding. `qw` is positive and follows from the others.
-struct Placed {
-  std::uint32_t body;
-  float x, y, z, qx, qy, qz, speed;
-};
-static_assert(sizeof(Placed) == 32);
 constexpr std::string_view kPlaced =
     "@final struct Placed {\n  unsigned long body;\n  float x;\n  float y;\n  float z;\n  float qx;\n  float qy;\n"
     "  float qz;\n  float speed;\n};\n";
@@ -49,17 +42,8 @@ std::string world_view_schema() {
 void WorldViewer::take(std::span<const std::uint8_t> cdr, std::size_t bodies) {
   if (!codec_.decode(cdr, snapshot_)) return;
   changed_ = true;
-  place_.resize(std::max(place_.size(), bodies), 0);
-  for (const StampedBody& one : snapshot_.moved) {
-    const std::size_t id = index(one.id);
-    if (id >= bodies) continue;
-    if (place_[id] == 0) {
-      moved_.push_back(one);
-      place_[id] = static_cast<std::uint32_t>(moved_.size());
-    } else {
-      moved_[place_[id] - 1] = one;
-    }
-  }
+  for (const StampedBody& one : snapshot_.moved)
+    if (index(one.id) < bodies) moved_.insert_or_assign(one.id, placed(one));
 }
 
 std::optional<std::vector<std::uint8_t>> WorldViewer::make(std::uint64_t now_ns) {
@@ -73,10 +57,10 @@ std::optional<std::vector<std::uint8_t>> WorldViewer::make(std::uint64_t now_ns)
   const std::size_t at = cdr.size();
   cdr.resize(at + sizeof count + count * sizeof(Placed));
   std::memcpy(cdr.data() + at, &count, sizeof count);
-  for (std::size_t i = 0; i < moved_.size(); ++i) {
-    const Placed row = placed(moved_[i]);
-    std::memcpy(cdr.data() + at + sizeof count + i * sizeof row, &row, sizeof row);
-    place_[index(moved_[i].id)] = 0;
+  std::uint8_t* to = cdr.data() + at + sizeof count;
+  for (const auto& [id, row] : moved_) {
+    std::memcpy(to, &row, sizeof row);
+    to += sizeof row;
   }
   moved_.clear();
   next_ns_ = now_ns + static_cast<std::uint64_t>(1e9 * static_cast<double>(cdr.size()) / kMostBytes_s);

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -15,6 +16,13 @@ namespace subworld::live {
 /// The schema of `subworld::msg::WorldView`: a `WorldState` without `moved`, then `placed` with 32 bytes for each body
 /// that moved, in place of 112.
 [[nodiscard]] std::string world_view_schema();
+
+/// A row of `placed`, without padding. `qw` is positive and follows from the others.
+struct Placed {
+  std::uint32_t body;
+  float x, y, z, qx, qy, qz, speed;
+};
+static_assert(sizeof(Placed) == 32);
 
 /// Collects snapshots of the world and makes views of it, fewer of them where many bodies move.
 class WorldViewer {
@@ -27,8 +35,7 @@ class WorldViewer {
  private:
   Codec<WorldSnapshot> codec_;
   WorldSnapshot snapshot_;
-  std::vector<StampedBody> moved_;    // since the last view; each body once
-  std::vector<std::uint32_t> place_;  // by body: its place in `moved_` plus 1; 0: none
+  std::map<BodyId, Placed> moved_;  // since the last view
   bool changed_ = false;
   std::uint64_t next_ns_ = 0;
 };

@@ -37,15 +37,18 @@ const lines = [];
 for (let at = 0; at < bytes.length; at += 64) lines.push(`    "${[...bytes.subarray(at, at + 64)].map(octal).join("")}"`);
 writeFileSync(
   output,
-  `#include "live/page.hpp"
+  `#include <cstdint>
+#include <span>
 
+namespace subworld::live {
 namespace {
 constexpr char kPage[] =
 ${lines.join("\n")};
 }  // namespace
 
-std::span<const std::uint8_t> subworld::live::page_gzip() noexcept {
+std::span<const std::uint8_t> page_gzip() noexcept {
   return {reinterpret_cast<const std::uint8_t*>(kPage), sizeof kPage - 1};
 }
+}  // namespace subworld::live
 `,
 );

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "png_file.hpp"
+#include "picture.hpp"
 
 namespace subworld::test {
 

@@ -2,7 +2,6 @@
 #include "device_sim/driver_check.hpp"
 #include "device_sim/drivers.hpp"
 #include "device_sim/drivers/joystick_force.hpp"
-#include "device_sim/reading_check.hpp"
 #include "model/error.hpp"
 #include "support/udp_device.hpp"
 

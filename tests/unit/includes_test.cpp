@@ -53,12 +53,11 @@ const std::vector<Foreign>& foreign() {
       {"yaml-cpp", std::regex("yaml-cpp/.*"), std::regex("common/model/yaml_tree\\.cpp")},
       {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
-      {"JSON", std::regex("nlohmann/.*"), std::regex("(common/(io|report)|deploy|gui_headless/live)/.*")},
+      {"JSON", std::regex("nlohmann/.*"), std::regex("common/io/.*")},
       {"libwebsockets", std::regex("libwebsockets\\.h"), std::regex("gui_headless/live/(session|server)\\.cpp")},
       {"command lines", std::regex("CLI/.*"), std::regex("common/io/command_line\\.cpp")},
-      {"OpenGL", std::regex("(epoxy|GL|EGL)/.*"), std::regex("gui_headless/.*")},
       {"zlib", std::regex("zlib\\.h"), std::regex("common/io/mcap_.*\\.cpp")},
-      {"PNG", std::regex("png\\.h"), std::regex("gui_headless/png_file\\.cpp")},
+      {"PNG", std::regex("png\\.h"), std::regex("gui_headless/picture\\.cpp")},
   };
   return kAll;
 }

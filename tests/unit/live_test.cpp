@@ -161,9 +161,10 @@ TEST(Schema, OfEachTopicIsSelfContained) {
 
 TEST(Protocol, ReadsSubscriptions) {
   const Request request = parse_request(R"({"op":"subscribe","subscriptions":[{"id":7,"channelId":4294967295}]})");
-  ASSERT_TRUE(std::holds_alternative<Subscribe>(request));
-  EXPECT_EQ(std::get<Subscribe>(request).subscriptions.at(0).channel, 4294967295U);
-  EXPECT_TRUE(std::holds_alternative<Unsubscribe>(parse_request(R"({"op":"unsubscribe","subscriptionIds":[7]})")));
+  ASSERT_EQ(request.op, Request::Op::subscribe);
+  EXPECT_EQ(request.items.at(0).id, 7U);
+  EXPECT_EQ(request.items.at(0).channel, 4294967295U);
+  EXPECT_EQ(parse_request(R"({"op":"unsubscribe","subscriptionIds":[7]})").op, Request::Op::unsubscribe);
 }
 
 TEST(Protocol, RefusesAnythingElse) {
@@ -172,8 +173,8 @@ TEST(Protocol, RefusesAnythingElse) {
                            R"({"op":"subscribe","subscriptions":[{"id":1,"channelId":4294967296}]})",
                            R"({"op":"unsubscribe","subscriptionIds":["7"]})"}) {
     const Request request = parse_request(text);
-    ASSERT_TRUE(std::holds_alternative<Refused>(request)) << text;
-    EXPECT_FALSE(std::get<Refused>(request).why.empty());
+    EXPECT_EQ(request.op, Request::Op::refused) << text;
+    EXPECT_FALSE(request.why.empty());
   }
 }
 

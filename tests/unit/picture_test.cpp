@@ -2,7 +2,6 @@
 
 #include "model/error.hpp"
 #include "model/shape_extent.hpp"
-#include "shape_mesh.hpp"
 #include "support/png_reader.hpp"
 
 #include <gtest/gtest.h>
@@ -117,15 +116,11 @@ std::function<bool(int, int)> within(const TestScene& scene, const Drawing& draw
   };
 }
 
-// One for all tests: shaders compile once.
-Renderer& renderer() {
-  static Renderer shared{{640, 360}};
-  return shared;
-}
+Drawing drawn(const Picture& picture) { return draw(picture, {640, 360}); }
 
 TEST(Picture, ShowsEveryRoleInItsColourWhereItsBodiesAre) {
   const auto scene = heap();
-  const auto drawing = renderer().draw(scene.picture());
+  const auto drawing = drawn(scene.picture());
   const Image& image = drawing.image;
   const int blue = count(image, is_blue);
   const int yellow = count(image, is_yellow);
@@ -141,7 +136,7 @@ TEST(Picture, ShowsEveryRoleInItsColourWhereItsBodiesAre) {
 TEST(Picture, IsAllGreyWithoutUsers) {
   auto scene = heap();
   scene.users.clear();
-  const auto drawing = renderer().draw(scene.picture());
+  const auto drawing = drawn(scene.picture());
   EXPECT_EQ(count(drawing.image, is_blue), 0);
   EXPECT_EQ(count(drawing.image, is_yellow), 0);
   EXPECT_EQ(count(drawing.image, is_red), 0);
@@ -160,7 +155,7 @@ TEST(Picture, ShowsTheProxyBehindOtherBodiesAndMembersBehindAWall) {
   scene.users = {user};
   auto picture = scene.picture();
   picture.camera = Camera{Vec3(0.0, -3.0, 0.0), Vec3::Zero(), 0.5};
-  const auto drawing = renderer().draw(picture);
+  const auto drawing = drawn(picture);
   Rgb proxy = pixel_at(drawing, scene.states[0].position);
   EXPECT_GT(proxy[0], proxy[1] + 50);
   EXPECT_TRUE(is_blue(pixel_at(drawing, scene.states[index(member)].position)));
@@ -179,14 +174,14 @@ TEST(Picture, DrawsImpulsesFromTheBorderBodyAlongTheirSum) {
   auto picture = scene.picture();
   picture.camera = Camera{Vec3(0.0, -2.0, 0.0), Vec3::Zero(), 0.6};
   picture.line_m_per_n_s = 10.0;
-  const auto drawing = renderer().draw(picture);
+  const auto drawing = drawn(picture);
   EXPECT_EQ(drawing.line_m_per_n_s, 10.0);
   EXPECT_TRUE(is_red(pixel_at(drawing, Vec3(0.08, 0.0, 0.0))));
   EXPECT_TRUE(is_red(pixel_at(drawing, Vec3(0.18, 0.0, 0.0))));
   EXPECT_FALSE(is_red(pixel_at(drawing, Vec3(0.22, 0.0, 0.0))));
   EXPECT_TRUE(is_yellow(pixel_at(drawing, Vec3(-0.03, 0.0, 0.0))));
   picture.line_m_per_n_s.reset();
-  EXPECT_GT(renderer().draw(picture).line_m_per_n_s, 2.0 * kCubeHalf_m / 0.02);
+  EXPECT_GT(drawn(picture).line_m_per_n_s, 2.0 * kCubeHalf_m / 0.02);
 }
 
 // At a contact that may come soon, the pushing body may be outside as well.
@@ -200,7 +195,7 @@ TEST(Picture, DrawsNoBorderBetweenTwoBodiesOutside) {
   scene.users = {user};
   auto picture = scene.picture();
   picture.camera = Camera{Vec3(0.0, -2.0, 0.0), Vec3::Zero(), 0.6};
-  const auto drawing = renderer().draw(picture);
+  const auto drawing = drawn(picture);
   EXPECT_EQ(drawing.line_m_per_n_s, 0.0);
   EXPECT_EQ(count(drawing.image, is_yellow), 0);
   EXPECT_TRUE(is_grey(pixel_at(drawing, Vec3::Zero())));
@@ -220,13 +215,13 @@ TEST(Picture, OmitsBodiesThatCannotBeDrawn) {
   scene.add({.kind = ShapeKind::convex, .mesh = 5}, 1.0, Vec3::Zero());
   scene.meshes.push_back({"broken", {Vec3::UnitX(), Vec3::UnitY(), Vec3(nan, 0.0, 0.0)}, {{0, 1, 2}, {0, 1, 9}}});
   scene.add({.kind = ShapeKind::mesh, .mesh = 0}, 0.0, Vec3::Zero());
-  const auto drawing = renderer().draw(scene.picture());
+  const auto drawing = drawn(scene.picture());
   EXPECT_EQ(drawing.omitted, 6U);
   EXPECT_GT(count(drawing.image, is_grey), 10000);
   EXPECT_GT(count(drawing.image, is_yellow), 1000);
   for (auto& state : scene.states) state.position.setConstant(nan);
-  EXPECT_EQ(renderer().draw(scene.picture()).omitted, scene.bodies.size());
-  EXPECT_EQ(renderer().draw({}).image.width, 640);
+  EXPECT_EQ(drawn(scene.picture()).omitted, scene.bodies.size());
+  EXPECT_EQ(drawn({}).image.width, 640);
 }
 
 TEST(Picture, ShowsEveryShape) {
@@ -247,40 +242,39 @@ TEST(Picture, ShowsEveryShape) {
   }
   auto picture = scene.picture();
   picture.camera = Camera{Vec3(0.625, -4.0, 0.0), Vec3(0.625, 0.0, 0.0), 0.3};
-  const auto drawing = renderer().draw(picture);
+  const auto drawing = drawn(picture);
   Picture nothing;
   nothing.camera = picture.camera;
-  const auto background = renderer().draw(nothing);
-  const auto drawn = [&](const Vec3& point) {
+  const auto background = drawn(nothing);
+  const auto shows = [&](const Vec3& point) {
     return std::abs(pixel_at(drawing, point)[0] - pixel_at(background, point)[0]) > 5;
   };
   EXPECT_EQ(drawing.omitted, 0U);
-  for (const auto& state : scene.states) EXPECT_TRUE(drawn(state.position)) << state.position.x();
-  EXPECT_TRUE(drawn(Vec3(0.5, 0.0, -0.074)));
-  EXPECT_FALSE(drawn(Vec3(0.527, 0.0, -0.074))) << "a capsule's end is round";
-  EXPECT_TRUE(drawn(Vec3(0.787, 0.0, -0.047))) << "a cylinder's is not";
+  for (const auto& state : scene.states) EXPECT_TRUE(shows(state.position)) << state.position.x();
+  EXPECT_TRUE(shows(Vec3(0.5, 0.0, -0.074)));
+  EXPECT_FALSE(shows(Vec3(0.527, 0.0, -0.074))) << "a capsule's end is round";
+  EXPECT_TRUE(shows(Vec3(0.787, 0.0, -0.047))) << "a cylinder's is not";
   scene.add({.kind = ShapeKind::plane}, 0.0, Vec3(0.0, 0.0, -0.2));
   auto with_ground = scene.picture();
   with_ground.camera = Camera{Vec3(0.6, -2.0, 1.0), Vec3(0.6, 0.0, 0.0), 0.5};
-  const auto on_ground = renderer().draw(with_ground);
+  const auto on_ground = drawn(with_ground);
   with_ground.bodies = with_ground.bodies.first(scene.bodies.size() - 1);
-  EXPECT_NE(renderer().draw(with_ground).image.rgb, on_ground.image.rgb);
+  EXPECT_NE(drawn(with_ground).image.rgb, on_ground.image.rgb);
 }
 
 TEST(Picture, IsTheSameForTheSameSceneAndKeepsAGivenCamera) {
   const auto scene = heap();
-  const auto first = renderer().draw(scene.picture());
+  const auto first = drawn(scene.picture());
   auto picture = scene.picture();
   picture.camera = first.camera;
-  EXPECT_EQ(renderer().draw(picture).image.rgb, first.image.rgb);
+  EXPECT_EQ(drawn(picture).image.rgb, first.image.rgb);
 }
 
 TEST(Picture, RefusesNonsense) {
   auto picture = Picture{};
   picture.camera = Camera{Vec3::Zero(), Vec3::Zero(), 0.5};
-  Renderer& ready = renderer();
-  EXPECT_THROW((void)ready.draw(picture), Error);
-  EXPECT_THROW(Renderer({0, 720}), Error);
+  EXPECT_THROW((void)drawn(picture), Error);
+  EXPECT_THROW((void)draw({}, {0, 720}), Error);
   EXPECT_THROW(write_png(testing::TempDir() + "/subworld_nonsense.png", {2, 2, {1, 2, 3}}), Error);
   EXPECT_THROW(write_png("no_such_folder/picture.png", {1, 1, {1, 2, 3}}), Error);
 }
@@ -288,7 +282,7 @@ TEST(Picture, RefusesNonsense) {
 TEST(Camera, ShowsAllMovableBodiesAsLargeAsPossible) {
   auto scene = heap();
   scene.states[9].position = Vec3(0.0, 0.0, -500.0);  // fell through
-  const auto drawing = renderer().draw(scene.picture());
+  const auto drawing = drawn(scene.picture());
   double top = 1e9;
   double bottom = -1e9;
   for (std::size_t i = 0; i < scene.states.size(); ++i) {
@@ -304,13 +298,13 @@ TEST(Camera, ShowsAllMovableBodiesAsLargeAsPossible) {
 TEST(Camera, RunsARowAcrossThePicture) {
   TestScene scene;
   for (int i = 0; i < 10; ++i) scene.add_cube(Vec3(0.1 * i, 0.0, 0.05));
-  const auto camera = renderer().draw(scene.picture()).camera;
+  const auto camera = drawn(scene.picture()).camera;
   EXPECT_LT(project(camera, 640, 360, scene.states[0].position)->column, 100.0);
   EXPECT_GT(project(camera, 640, 360, scene.states[9].position)->column, 540.0);
 }
 
 TEST(Png, ReadsBackWhatWasWritten) {
-  const auto drawing = renderer().draw(heap().picture());
+  const auto drawing = drawn(heap().picture());
   const auto file = std::filesystem::path(testing::TempDir()) / "subworld_picture_test.png";
   write_png(file.string(), drawing.image);
   const Image back = test::read_png(file.string());
@@ -318,32 +312,6 @@ TEST(Png, ReadsBackWhatWasWritten) {
   EXPECT_EQ(back.width, 640);
   EXPECT_EQ(back.height, 360);
   EXPECT_EQ(back.rgb, drawing.image.rgb);
-}
-
-TEST(ShapeMesh, NormalsPointOutwardsAndAreUnit) {
-  for (const auto& mesh : {box_mesh(), sphere_mesh(16), cylinder_mesh(16), capsule_mesh(16)}) {
-    ASSERT_FALSE(mesh.empty());
-    for (const auto& vertex : mesh) {
-      const Eigen::Map<const Eigen::Vector3f> position(vertex.position.data());
-      const Eigen::Map<const Eigen::Vector3f> normal(vertex.normal.data());
-      EXPECT_NEAR(normal.norm(), 1.0F, 1e-5F);
-      EXPECT_GT(position.dot(normal), 0.1F);
-    }
-  }
-}
-
-TEST(ShapeMesh, MarksTheTwelveEdgesOfABoxAndNoneOfASphere) {
-  const auto sharp = [](const ShapeMesh& mesh) {
-    int sum = 0;
-    for (std::size_t t = 0; t < mesh.size(); t += 3) {
-      for (std::size_t i = 0; i < 3; ++i) sum += mesh[t + (i + 1) % 3].edge[i] == 0.0F ? 1 : 0;
-    }
-    return sum;
-  };
-  EXPECT_EQ(sharp(box_mesh()), 24);  // each edge in both of its faces
-  EXPECT_EQ(sharp(sphere_mesh(16)), 0);
-  EXPECT_EQ(sharp(capsule_mesh(16)), 0);
-  EXPECT_EQ(sharp(cylinder_mesh(16)), 64);
 }
 
 }  // namespace

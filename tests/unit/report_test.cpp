@@ -2,10 +2,8 @@
 #include "io/json.hpp"
 #include "model/error.hpp"
 #include "report/page.hpp"
-#include "results/command.hpp"
 #include "results/envelope.hpp"
 #include "results/run_report.hpp"
-#include "results/values.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <gtest/gtest.h>
