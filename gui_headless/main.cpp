@@ -5,7 +5,7 @@
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
-#include "wire/recording_memory.hpp"
+#include "wire/message_memory.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>
