@@ -229,45 +229,25 @@ int AnyReader::matched() const noexcept { return impl_->backend->matched(); }
 int AnyReader::alive_writers() const noexcept { return impl_->backend->alive_writers(); }
 std::uint64_t AnyReader::received_bytes() const noexcept { return impl_->bytes; }
 
-struct Observer::Impl {
-  /// What an observer misses is no event of the run, and its samples wake no loop.
-  struct Unheard final : wire::EventSink {
+std::unique_ptr<wire::BackendReader> Observer::reader(const Bus& bus, std::size_t topic, const std::string& partition) {
+  static class Unheard final : public wire::EventSink {
     void report(wire::Event, std::uint64_t, const char*, const char*, const char*) noexcept override {}
     void wake() noexcept override {}
-  };
-  Unheard events;
-  std::unique_ptr<wire::BackendReader> backend;
-  std::uint64_t writer = 0;
-};
-
-Observer::Observer(const Bus& bus, std::size_t topic, const std::string& partition) : impl_(std::make_unique<Impl>()) {
+  } unheard;
   wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
   spec.qos = {.depth = kNewestOfSeveral, .lease_s = spec.qos.lease_s};
-  spec.events = &impl_->events;
-  impl_->backend = bus.impl_->backend->create_reader(spec);
+  spec.events = &unheard;
+  return bus.impl_->backend->create_reader(spec);
 }
-Observer::Observer(Observer&&) noexcept = default;
-Observer& Observer::operator=(Observer&&) noexcept = default;
-Observer::~Observer() = default;
-bool Observer::receive(std::vector<std::uint8_t>& cdr) noexcept { return impl_->backend->take(cdr, impl_->writer); }
-int Observer::matched() const noexcept { return impl_->backend->matched(); }
 
-std::unique_ptr<ByteWriter> Observer::counterpart(const Bus& bus, std::size_t topic, const std::string& partition) {
-  class OfBackend final : public ByteWriter {
-   public:
-    explicit OfBackend(std::unique_ptr<wire::BackendWriter> backend) : backend_(std::move(backend)) {}
-    bool write(std::span<const std::uint8_t> cdr) noexcept override { return backend_->write(cdr); }
-    [[nodiscard]] int matched() const noexcept override { return backend_->matched(); }
-
-   private:
-    std::unique_ptr<wire::BackendWriter> backend_;
-  };
+std::unique_ptr<wire::BackendWriter> Observer::counterpart(const Bus& bus, std::size_t topic,
+                                                           const std::string& partition) {
   wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
   spec.qos.reliable = spec.qos.transient_local = true;
   spec.qos.keep_all = false;
   spec.qos.depth = std::max(spec.topic.depth, kNewestOfSeveral);
   spec.qos.max_blocking_s = 0.0;
-  return std::make_unique<OfBackend>(bus.impl_->backend->create_writer(spec));
+  return bus.impl_->backend->create_writer(spec);
 }
 
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
