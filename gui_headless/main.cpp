@@ -5,7 +5,7 @@
 #include "rt/cyclic.hpp"
 #include "rt/stop.hpp"
 #include "wire/bus.hpp"
-#include "wire/recording_memory.hpp"
+#include "wire/message_memory.hpp"
 #include "wire/status.hpp"
 
 #include <fmt/core.h>

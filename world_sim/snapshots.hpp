@@ -2,7 +2,7 @@
 
 #include "rt/newest.hpp"
 #include "wire/bus.hpp"
-#include "wire/recording_memory.hpp"
+#include "wire/message_memory.hpp"
 #include "world_sim/world.hpp"
 
 #include <condition_variable>

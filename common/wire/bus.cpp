@@ -4,10 +4,9 @@
 #include "wire/backend.hpp"
 #include "wire/codec.hpp"
 #include "wire/event_text.hpp"
-#include "wire/last_messages.hpp"
+#include "wire/message_memory.hpp"
 #include "wire/observer.hpp"
 #include "wire/plugin.hpp"
-#include "wire/recording_memory.hpp"
 #include "wire/test_delay.hpp"
 
 #include <fmt/core.h>
@@ -143,15 +142,15 @@ struct Bus::Impl {
 struct AnyWriter::Impl {
   std::unique_ptr<wire::BackendWriter> backend;
   std::unique_ptr<AnyCodec> codec;
-  std::size_t topic;
-  std::uint32_t user;
+  std::uint8_t topic;
+  std::uint16_t user;
   std::uint32_t number = 0;
   std::uint64_t bytes = 0;
 };
 
 AnyWriter::AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition)
-    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic), topic,
-                     user_of_partition(partition)}) {}
+    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic),
+                     static_cast<std::uint8_t>(topic), user_of_partition(partition)}) {}
 AnyWriter::AnyWriter(AnyWriter&&) noexcept = default;
 AnyWriter& AnyWriter::operator=(AnyWriter&&) noexcept = default;
 AnyWriter::~AnyWriter() = default;
@@ -160,8 +159,7 @@ bool AnyWriter::write_any(const void* sample) noexcept {
   test_delay();
   const auto cdr = impl_->codec->encode(sample);
   if (cdr.empty() || !impl_->backend->write(cdr)) return false;
-  keep_message(impl_->topic, true, cdr.size(), sample);
-  record_sent(impl_->topic, impl_->user, impl_->number++, cdr);
+  keep_message({.number = impl_->number++, .user = impl_->user, .topic = impl_->topic, .sent = true}, sample, cdr);
   impl_->bytes += cdr.size();
   return true;
 }
@@ -176,7 +174,7 @@ struct AnyReader::Impl {
   std::unique_ptr<wire::BackendReader> backend;
   std::unique_ptr<AnyCodec> codec;
   Events& events;
-  std::size_t topic;
+  std::uint8_t topic;
   std::vector<std::uint8_t> cdr = {};
   std::uint64_t bytes = 0;
   std::uint64_t writer = 0;  // writer of the last received sample
@@ -186,7 +184,7 @@ struct AnyReader::Impl {
 AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition,
                      std::optional<double> device_period_s)
     : impl_(new Impl{bus.impl_->backend->create_reader(bus.impl_->spec(topic, partition, device_period_s)),
-                     make_codec(topic), bus.impl_->events, topic}) {
+                     make_codec(topic), bus.impl_->events, static_cast<std::uint8_t>(topic)}) {
   impl_->cdr.reserve(wire::kMessageBytes);
 }
 AnyReader::AnyReader(AnyReader&&) noexcept = default;
@@ -206,10 +204,7 @@ bool AnyReader::decode_any(void* sample) noexcept {
   if (decoded == Decoded::lacks_base) impl_->events.report(wire::Event::lost, 1, "reader", topic, "");
   if (decoded == Decoded::invalid)
     impl_->events.report(wire::Event::rejected, 1, "reader", topic, "corrupt or invalid");
-  if (decoded == Decoded::sample) {
-    keep_message(impl_->topic, false, impl_->cdr.size(), sample);
-    record_received(impl_->topic, impl_->number++, impl_->cdr);
-  }
+  if (decoded == Decoded::sample) keep_message({.number = impl_->number++, .topic = impl_->topic}, sample, impl_->cdr);
   return decoded == Decoded::sample;
 }
 
@@ -234,51 +229,30 @@ int AnyReader::matched() const noexcept { return impl_->backend->matched(); }
 int AnyReader::alive_writers() const noexcept { return impl_->backend->alive_writers(); }
 std::uint64_t AnyReader::received_bytes() const noexcept { return impl_->bytes; }
 
-struct Observer::Impl {
-  /// What an observer misses is no event of the run, and its samples wake no loop.
-  struct Unheard final : wire::EventSink {
+std::unique_ptr<wire::BackendReader> Observer::reader(const Bus& bus, std::size_t topic, const std::string& partition) {
+  static class Unheard final : public wire::EventSink {
     void report(wire::Event, std::uint64_t, const char*, const char*, const char*) noexcept override {}
     void wake() noexcept override {}
-  };
-  Unheard events;
-  std::unique_ptr<wire::BackendReader> backend;
-  std::uint64_t writer = 0;
-};
-
-Observer::Observer(const Bus& bus, std::size_t topic, const std::string& partition) : impl_(std::make_unique<Impl>()) {
+  } unheard;
   wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
   spec.qos = {.depth = kNewestOfSeveral, .lease_s = spec.qos.lease_s};
-  spec.events = &impl_->events;
-  impl_->backend = bus.impl_->backend->create_reader(spec);
+  spec.events = &unheard;
+  return bus.impl_->backend->create_reader(spec);
 }
-Observer::Observer(Observer&&) noexcept = default;
-Observer& Observer::operator=(Observer&&) noexcept = default;
-Observer::~Observer() = default;
-bool Observer::receive(std::vector<std::uint8_t>& cdr) noexcept { return impl_->backend->take(cdr, impl_->writer); }
-int Observer::matched() const noexcept { return impl_->backend->matched(); }
 
-std::unique_ptr<ByteWriter> Observer::counterpart(const Bus& bus, std::size_t topic, const std::string& partition) {
-  class OfBackend final : public ByteWriter {
-   public:
-    explicit OfBackend(std::unique_ptr<wire::BackendWriter> backend) : backend_(std::move(backend)) {}
-    bool write(std::span<const std::uint8_t> cdr) noexcept override { return backend_->write(cdr); }
-    [[nodiscard]] int matched() const noexcept override { return backend_->matched(); }
-
-   private:
-    std::unique_ptr<wire::BackendWriter> backend_;
-  };
+std::unique_ptr<wire::BackendWriter> Observer::counterpart(const Bus& bus, std::size_t topic,
+                                                           const std::string& partition) {
   wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
   spec.qos.reliable = spec.qos.transient_local = true;
   spec.qos.keep_all = false;
   spec.qos.depth = std::max(spec.topic.depth, kNewestOfSeveral);
   spec.qos.max_blocking_s = 0.0;
-  return std::make_unique<OfBackend>(bus.impl_->backend->create_writer(spec));
+  return bus.impl_->backend->create_writer(spec);
 }
 
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   test_delay(kTestDelayOfStart);
-  keep_last_messages();
-  open_recording();
+  open_messages();
   impl_->config = config;
   const wire::Opening opening = wire::prepare(config);
   impl_->backend.reset(wire::load_plugin(config.vendor)(opening, impl_->events));

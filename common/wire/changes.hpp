@@ -113,8 +113,8 @@ class Bases {
   [[nodiscard]] const Base* find(const MessageIdentity& identity) const noexcept;
   /// Where the next message is noted.
   [[nodiscard]] Base& next();
-  /// Remembers what was noted. A stamp that is sent again with other contents is no base: which of them the reader has
-  /// confirmed is not known.
+  /// Remembers what was noted. A stamp that is sent again, as by a paused world, is no base: it may have other
+  /// contents, and which of them the reader has confirmed is not known.
   void keep() noexcept;
 
  private:

@@ -68,7 +68,7 @@ void print_json(const Facts& facts, const Findings& findings) {
   for (const Finding& one : findings)
     json["findings"].push_back({{"check", one.check}, {"what", one.what}, {"why", one.why}, {"cure", one.cure}});
   json["remarks"] = remarks(facts);
-  fmt::print("{}\n", json.dump(2));
+  fmt::print("{}\n", json_text(json, 2));
 }
 
 int main_of(int argc, char** argv) {

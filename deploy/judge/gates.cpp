@@ -62,39 +62,55 @@ struct View {
   [[nodiscard]] const HapticResult& haptic() const { return run.haptic[at]; }
   [[nodiscard]] const DeviceResult& device() const { return run.device[at]; }
   [[nodiscard]] const DeviceSpec& spec() const { return run.scene.users[user].device; }
-  /// Of the haptic loop, with the skipped ones.
+  /// Steps of the haptic loop, with the skipped ones.
   [[nodiscard]] double periods() const {
     return std::max(1.0, static_cast<double>(haptic().steps + haptic().skipped_steps));
   }
+  [[nodiscard]] double of_steps(std::uint64_t count) const { return static_cast<double>(count) / periods(); }
+  [[nodiscard]] std::string name() const { return fmt::format("user {}: ", user); }
 };
-
-/// Late part of the wake-ups of bare loops before the run; 0: not measured.
-double late_bare_ratio(const RunResults& run) {
-  if (!run.calibration) return 0.0;
-  return static_cast<double>(run.calibration->late) / std::max(1.0, static_cast<double>(run.calibration->wake_ups));
+std::vector<View> users_of(const RunResults& run) {
+  std::vector<View> users;
+  for (std::size_t at = 0; at < run.haptic.size(); ++at) users.push_back({run, at});
+  return users;
 }
 
-/// " (a; b)" of those that are not empty.
-std::string in_brackets(const std::string& a, const std::string& b) {
-  if (a.empty() && b.empty()) return {};
-  return fmt::format(" ({}{}{})", a, a.empty() || b.empty() ? "" : "; ", b);
-}
+/// Of a gate. The worst one stands for it.
+using Readings = std::vector<Gate>;
 
-/// Whether other loops of the run, more than the OS, delayed this loop in `delayed` of its `steps`, by `lost_s` in all.
-/// All of this must hold:
+/// Why the OS did not run a loop in time in `delayed` of its `steps`, by `lost_s` in all. Other loops of the run, more
+/// than the OS, are the cause where all of this holds:
 ///  * nothing else uses the machine, as far as that was measured;
 ///  * a bare loop was late less often;
 ///  * the loop waited longer for a core than it lost, typical wake-ups not counted;
 ///  * a program of the run could take that core: a rival of at least the loop's priority, or, for a loop without
 ///    real-time priority on cores that the run fills, any.
 template <class Loop>
-bool delayed_by_the_run(const Loop& loop, double delayed, double steps, double lost_s, bool has_rivals,
-                        const RunResults& run) {
+Cause by_late_wake_ups(const char* who, const Loop& loop, std::uint64_t delayed, double steps, double lost_s,
+                       bool has_rivals, const RunResults& run) {
+  const auto brackets = [&](const std::string& first) {
+    const std::string load = load_text(run);
+    return first.empty() && load.empty()
+               ? ""
+               : fmt::format(" ({}{}{})", first, first.empty() || load.empty() ? "" : "; ", load);
+  };
   const bool quiet = !run.load || run.load->other + run.load->stolen < kQuietCores;
-  if (!quiet || delayed <= late_bare_ratio(run) * steps) return false;
-  const double queued_s = loop.machine.run_queue_delay_s - steps * loop.woken_late_s.p50;
   const bool full = run.load && run.load->own > kFullCores * run.cores;
-  return queued_s > lost_s && (has_rivals || (full && !loop.machine.fifo));
+  const double bare = run.calibration ? static_cast<double>(run.calibration->late) /
+                                            std::max(1.0, static_cast<double>(run.calibration->wake_ups))
+                                      : 0.0;
+  const MachineShare& machine = loop.machine;
+  if (quiet && static_cast<double>(delayed) > bare * steps && (has_rivals || (full && !machine.fifo)) &&
+      machine.run_queue_delay_s - steps * loop.woken_late_s.p50 > lost_s) {
+    return {Culprit::run,
+            fmt::format("the programs of the run compete for the cores{}; fewer users or members, more cores, a higher "
+                        "ratio, or a longer h_s",
+                        brackets(fmt::format("the {} was ready for {:.0f} ms without one", who,
+                                             1e3 * machine.run_queue_delay_s)))};
+  }
+  return {Culprit::os,
+          fmt::format("the OS woke the {} late or pre-empted it{}; run {}again when the machine is quiet", who,
+                      brackets(calibration_text(run)), machine.fifo ? "" : "with real-time rights, or ")};
 }
 
 /// Why a loop's own steps miss deadlines.
@@ -110,65 +126,25 @@ Cause by_own_steps(const View& at) {
                                     1e3 * haptic.step_s.p50, 1e3 * haptic.step_s.p99, 1e3 * at.settings().h_s)};
 }
 
-const char* quiet_cure(const MachineShare& machine) {
-  return machine.fifo ? "run again when the machine is quiet"
-                      : "run with real-time rights, or again when the machine is quiet";
-}
-
-Cause by_late_wake_ups(const View& at) {
-  const HapticResult& haptic = at.haptic();
-  const auto missed = static_cast<double>(haptic.missed_by_os);
-  if (delayed_by_the_run(haptic, missed, at.periods(), missed * at.settings().h_s, at.run.haptic.size() > 1, at.run)) {
-    return {
-        Culprit::run,
-        fmt::format(
-            "the programs of the run compete for the cores{}; fewer users or members, more cores, a higher ratio, or a "
-            "longer h_s",
-            in_brackets(
-                fmt::format("this loop was ready for {:.0f} ms without one", 1e3 * haptic.machine.run_queue_delay_s),
-                load_text(at.run)))};
-  }
-  return {Culprit::os,
-          fmt::format("the OS woke the loop late or pre-empted it{}; {}",
-                      in_brackets(calibration_text(at.run), load_text(at.run)), quiet_cure(haptic.machine))};
-}
-
-/// A step that starts late was woken late, or the step before it ended late.
-Cause by_late_starts(const View& at) {
-  const HapticResult& haptic = at.haptic();
-  const bool os = haptic.woken_late_s.p99 > kLatenessP99_s || haptic.missed_by_os > haptic.missed_by_run;
-  return os ? by_late_wake_ups(at) : by_own_steps(at);
-}
-
 Cause by_slow_cycles(const RunResults& run) {
   const WorldResult& world = run.world;
-  const auto by_os = static_cast<double>(world.late_by_os), cycles = static_cast<double>(world.cycles);
   const double cycle_s = run.scene.settings.h_s * world.ratio.mean();
-  const bool has_own_core = !run.placement.world.empty();
   const bool steps_are_long = world.step_s.p99 > kLongStep * cycle_s;
   if (world.late_by_run > world.late_by_os || (steps_are_long && world.late_by_os == 0)) {
-    if (steps_are_long) {
-      return {Culprit::run, fmt::format("the world's step takes {:.2f} ms (p99 {:.2f} ms) of cycles of {:.3g} ms; a "
-                                        "higher ratio, fewer bodies, or a faster preset or engine",
-                                        1e3 * world.step_s.p50, 1e3 * world.step_s.p99, 1e3 * cycle_s)};
-    }
+    const std::string times =
+        fmt::format("p99 {:.2f} ms) of cycles of {:.3g} ms", 1e3 * world.step_s.p99, 1e3 * cycle_s);
     return {Culprit::run,
-            fmt::format("{} of {} cycles were too long, the longest {:.2f} ms of {:.3g} ms; the others fit (p99 {:.2f} "
-                        "ms); --trace FILE shows what they did",
-                        grouped(world.late_by_run), grouped(world.cycles), 1e3 * world.step_s.max, 1e3 * cycle_s,
-                        1e3 * world.step_s.p99)};
-  }
-  if (delayed_by_the_run(world, by_os, cycles, by_os * cycle_s, !has_own_core, run)) {
-    return {Culprit::run,
-            fmt::format("the programs of the run compete for the cores{}; fewer users or members, more cores, or a "
-                        "higher ratio",
-                        in_brackets(fmt::format("the world was ready for {:.0f} ms without one",
-                                                1e3 * world.machine.run_queue_delay_s),
-                                    load_text(run)))};
+            steps_are_long
+                ? fmt::format("the world's step takes {:.2f} ms ({}; a higher ratio, fewer bodies, or a faster preset "
+                              "or engine",
+                              1e3 * world.step_s.p50, times)
+                : fmt::format("{} of {} cycles were too long, the longest {:.2f} ms; the others fit ({}; --trace FILE "
+                              "shows what they did",
+                              grouped(world.late_by_run), grouped(world.cycles), 1e3 * world.step_s.max, times)};
   }
   if (world.late_by_os == 0) return {Culprit::os, ""};  // no cycle was late: nothing to cure
-  return {Culprit::os, fmt::format("the OS woke the world late or pre-empted it in {:.0f} of {} cycles{}; {}", by_os,
-                                   grouped(world.cycles), in_brackets(load_text(run), {}), quiet_cure(world.machine))};
+  return by_late_wake_ups("world", world, world.late_by_os, static_cast<double>(world.cycles),
+                          static_cast<double>(world.late_by_os) * cycle_s, run.placement.world.empty(), run);
 }
 
 /// Why frames of the world did not reach a sub-world. In real time its reader holds a few frames, so one that was
@@ -188,15 +164,6 @@ std::string coupling_cure(const View& at) {
   return fmt::format("{}, less delay or a smaller --ratio{}",
                      at.spec().kind == DeviceKind::admittance ? "a heavier proxy" : "a lower coupling stiffness_n_m",
                      enabled(at.run.scene, Optimisation::energy_bound, at.user) ? ", or --passivity on" : "");
-}
-
-/// An admittance device that its proxy leaves behind: the coupling no longer holds the proxy.
-double farthest_proxy_m(const View& at) {
-  constexpr double kFree_m = 0.1, kRounds = 2.0;
-  const DelaySettings& d = at.settings().delay;
-  const double late_s =
-      at.settings().longest_cycle_s() + d.up_s + d.down_s + d.from_device_s + d.to_device_s + d.jitter_s;
-  return kFree_m + kRounds * late_s * at.spec().speed_limit_m_s;
 }
 
 double work_j(const HapticResult& haptic) { return std::abs(haptic.device_work_j); }
@@ -220,96 +187,160 @@ double most_gained_j(const RunResults& run) {
          kOfTheFall * run.world.released_j;
 }
 
-std::string oscillation_name(const RunResults& run) {
+Gate reading(std::string name, Unit unit, auto value, double bound, Cause cause) {
+  return {std::move(name), unit, static_cast<double>(value), bound, std::move(cause)};
+}
+
+/// Samples of programs that do not belong to the run.
+Readings foreign_writers(const RunResults& run) {
+  Readings all;
+  const auto add = [&](const std::string& user, const char* topic, const char* program, std::uint64_t refused,
+                       const std::string& by) {
+    all.push_back(reading(user + topic + " from a foreign writer", kCount, refused, 0.0,
+                          {Culprit::foreign_writer,
+                           fmt::format("another program{} published them as {}, and they were refused; end it, or give "
+                                       "it another --domain",
+                                       by.empty() ? "" : " (" + by + ")", program)}));
+  };
+  const WorldRefused& world = run.world.refused;
+  add("", "scene", "world_sim", world.scene, world.by);
+  add("", "haptic_report", "haptic_sim", world.haptic_report, world.by);
+  for (const View& at : users_of(run)) {
+    const HapticRefused& haptic = at.haptic().refused;
+    add(at.name(), "world_frame", "world_sim", haptic.world_frame, haptic.by);
+    add(at.name(), "device_state", "device_sim", haptic.device_state, haptic.by);
+    add(at.name(), "device_command", "haptic_sim", at.device().refused.device_command, at.device().refused.by);
+  }
+  return all;
+}
+
+Readings bodies_energy(const RunResults& run) {
+  const bool of_scheme = scheme_of(run.scene.settings).properties.creates_energy_late;
+  return {reading("energy that the bodies gained", kJoule, run.energy_excess_j, most_gained_j(run),
+                  {Culprit::unstable, fmt::format("the operators did not put it in{}",
+                                                  of_scheme ? ": with late messages this --scheme creates it; another "
+                                                              "one, or less delay"
+                                                            : "; a smaller --ratio, --set world.preset=quality, or "
+                                                              "another --engine")})};
+}
+
+/// Messages between world and sub-worlds that were lost, late or refused.
+Readings messages(const RunResults& run) {
+  const double reports = static_cast<double>(run.world.cycles) * static_cast<double>(run.haptic.size());
+  const double refused = static_cast<double>(run.world.refused_reports) / std::max(1.0, reports);
+  Readings all{reading("reports that the world refused", kOfReports, refused, kRefusedRatio,
+                       {Culprit::run,
+                        "the world did not get these users' pushes: reports came more than 16 cycles late, between "
+                        "hosts more than 0.5 s; look for a slow network, or for a sub-world that was halted"})};
+  for (const View& at : users_of(run)) {
+    all.push_back(reading(at.name() + "lost frames", kCount, at.haptic().lost_frames, 0.0, by_loss(at)));
+    if (run.realtime() && run.between_hosts)
+      all.push_back(reading(at.name() + "late reports", kOfReports, at.haptic().late_reports_ratio, kLateReportsRatio,
+                            {Culprit::network,
+                             "reports reached the world after it needed them, so it guessed what the operator did: the "
+                             "force may be off"}));
+  }
+  return all;
+}
+
+/// Energy that no operator has put in, at each and at all together.
+Readings operators_energy(const RunResults& run) {
+  Readings all;
+  for (const View& at : users_of(run)) {
+    all.push_back(reading(at.name() + "created energy at the operator", kJoule, at.device().operator_energy.created_j,
+                          most_created_j(run, work_j(at.haptic())),
+                          {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}));
+  }
+  if (run.haptic.size() > 1)
+    all.push_back(
+        reading("created energy at all operators together", kJoule, run.world.operators_created_j,
+                most_created_j(run, all_work_j(run)),
+                {Culprit::unstable, "neither an operator nor the bodies had it; less delay, or a smaller --ratio"}));
+  return all;
+}
+
+Readings recording(const RunResults& run) {
+  if (!run.recording) return {};
+  const std::string& fault = run.recording->fault;
+  return {reading("messages that the recording lost", kCount, run.recording->lost(), 0.0,
+                  {Culprit::run, !fault.empty() ? fault
+                                                : "the recorder's memory was full; --record needs a faster disk, or an "
+                                                  "idle core"})};
+}
+
+/// An admittance device that its proxy leaves behind: the coupling no longer holds the proxy.
+Readings distance(const View& at) {
+  constexpr double kFree_m = 0.1, kRounds = 2.0;
+  if (at.spec().kind != DeviceKind::admittance) return {};
+  const DelaySettings& d = at.settings().delay;
+  const double late_s =
+      at.settings().longest_cycle_s() + d.up_s + d.down_s + d.from_device_s + d.to_device_s + d.jitter_s;
+  return {reading("distance between proxy and device", kMetre, at.haptic().proxy_apart_max_m,
+                  kFree_m + kRounds * late_s * at.spec().speed_limit_m_s,
+                  {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} "
+                                                  "m/s; {}",
+                                                  at.spec().speed_limit_m_s, coupling_cure(at))})};
+}
+
+Readings jumps(const View& at) {
+  return {reading("device faster than an operator moves", kOfSteps, at.of_steps(at.haptic().device_jumps), 0.0,
+                  {Culprit::run,
+                   "the force was off in these steps, and ramped afterwards: no operator moves a device at more than "
+                   "10 m/s; slow the path of the scene, or examine the device's sensors"})};
+}
+
+Readings oscillation(const View& at) {
   constexpr double kLeast_s = OscillationWatch::kBlock_s * (1.0 + OscillationWatch::kLasting);
-  if (run.simulated_s >= kLeast_s) return "oscillation of the force";
-  return fmt::format("oscillation of the force (a run of less than {:g} s is too short to detect it)", kLeast_s);
+  std::string name = "oscillation of the force";
+  if (at.run.simulated_s < kLeast_s)
+    name += fmt::format(" (a run of less than {:g} s is too short to detect it)", kLeast_s);
+  return {reading(name, kNewtonRms, at.device().oscillation_n, kOscillationRatio * at.spec().force_limit_n,
+                  {Culprit::unstable,
+                   "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or "
+                   "damping_n_s_m, a smaller --ratio or h_s, or the scheme reduced"})};
 }
 
-/// A count of samples of programs that do not belong to the run.
-Gate foreign_writer_gate(const char* topic, const char* program, std::uint64_t refused, const std::string& by) {
-  return {fmt::format("{} from a foreign writer", topic),
-          kCount,
-          static_cast<double>(refused),
-          0.0,
-          {Culprit::foreign_writer,
-           fmt::format("{} published them as {}, and they were refused; end it, or give it another --domain",
-                       by.empty() ? "another program" : fmt::format("another program ({})", by), program)}};
-}
-
-/// Gates of a user, some of which hold only for some devices or modes.
-struct Row {
-  bool holds;
-  Gate gate;
-};
-/// Whether the force is the scene's.
-std::vector<Row> force_rows(const View& at) {
+/// Steps that miss their deadline, or start late: woken late, or after a step that ended late.
+Readings loop(const View& at) {
+  if (!at.run.realtime()) return {};
   const HapticResult& haptic = at.haptic();
-  const DeviceResult& device = at.device();
-  const DeviceSpec& spec = at.spec();
-  const bool admittance = spec.kind == DeviceKind::admittance;
-  return {{true, foreign_writer_gate("world_frame", "world_sim", haptic.refused.world_frame, haptic.refused.by)},
-          {true, foreign_writer_gate("device_state", "device_sim", haptic.refused.device_state, haptic.refused.by)},
-          {true, foreign_writer_gate("device_command", "haptic_sim", device.refused.device_command, device.refused.by)},
-          {admittance,
-           {"distance between proxy and device",
-            kMetre,
-            haptic.proxy_apart_max_m,
-            farthest_proxy_m(at),
-            {Culprit::unstable, fmt::format("the proxy ran away from its device, which moves at most at {:g} m/s; {}",
-                                            spec.speed_limit_m_s, coupling_cure(at))}}},
-          {true,
-           {"device faster than an operator moves",
-            kOfSteps,
-            static_cast<double>(haptic.device_jumps) / at.periods(),
-            0.0,
-            {Culprit::run,
-             "the force was off in these steps, and ramped afterwards: no operator moves a device at more than 10 m/s; "
-             "slow the path of the scene, or examine the device's sensors"}}},
-          {true,
-           {"created energy at the operator",
-            kJoule,
-            device.operator_energy.created_j,
-            most_created_j(at.run, work_j(haptic)),
-            {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}}},
-          {true,
-           {oscillation_name(at.run),
-            kNewtonRms,
-            device.oscillation_n,
-            kOscillationRatio * spec.force_limit_n,
-            {Culprit::unstable,
-             "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or damping_n_s_m, a "
-             "smaller --ratio or h_s, or the scheme reduced"}}},
-          {true,
-           {"at the device's limit",
-            kOfSteps,
-            haptic.at_limit_ratio,
-            kAtLimitRatio,
-            {Culprit::scene,
-             "the operator feels the limit, not the scene; move the device less far into bodies, lower the coupling's "
-             "stiffness, or raise the device's force_limit_n"}}}};
+  const Cause own = by_own_steps(at);
+  const Cause os =
+      by_late_wake_ups("loop", haptic, haptic.missed_by_os, at.periods(),
+                       static_cast<double>(haptic.missed_by_os) * at.settings().h_s, at.run.haptic.size() > 1, at.run);
+  const bool woken_late = haptic.woken_late_s.p99 > kLatenessP99_s || haptic.missed_by_os > haptic.missed_by_run;
+  return {reading("missed by the run", kOfSteps, at.of_steps(haptic.missed_by_run), kMissedRatio, own),
+          reading("lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, woken_late ? os : own),
+          reading(kMissedByTheOs, kOfSteps, at.of_steps(haptic.missed_by_os), kMissedRatio, os)};
 }
 
-/// Whether forces and messages were in time.
-std::vector<Row> timing_rows(const View& at) {
-  const HapticResult& haptic = at.haptic();
-  const bool realtime = at.run.realtime();
-  return {{realtime,
-           {"missed by the run", kOfSteps, static_cast<double>(haptic.missed_by_run) / at.periods(), kMissedRatio,
-            by_own_steps(at)}},
-          {realtime,
-           {kMissedByTheOs, kOfSteps, static_cast<double>(haptic.missed_by_os) / at.periods(), kMissedRatio,
-            by_late_wake_ups(at)}},
-          {realtime, {"lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, by_late_starts(at)}},
-          {true, {"lost frames", kCount, static_cast<double>(haptic.lost_frames), 0.0, by_loss(at)}},
-          {realtime && at.run.between_hosts,
-           {"late reports",
-            kOfReports,
-            haptic.late_reports_ratio,
-            kLateReportsRatio,
-            {Culprit::network,
-             "reports reached the world after it needed them, so it guessed what the operator did: the force may be "
-             "off"}}}};
+Readings limit(const View& at) {
+  return {reading("at the device's limit", kOfSteps, at.haptic().at_limit_ratio, kAtLimitRatio,
+                  {Culprit::scene,
+                   "the operator feels the limit, not the scene; move the device less far into bodies, lower the "
+                   "coupling's stiffness, or raise the device's force_limit_n"})};
+}
+
+Readings world_clock(const RunResults& run) {
+  if (!run.realtime()) return {};
+  Gate factor = reading("world real-time factor", kCount, run.world.real_time_factor_min, 1.0, by_slow_cycles(run));
+  factor.at_most = false;
+  return {factor};
+}
+
+/// A row is a gate. Its readings are empty where it does not hold.
+constexpr std::array kGatesOfRun{foreign_writers, bodies_energy, messages, operators_energy, recording};
+constexpr std::array kGatesOfUser{distance, jumps, oscillation, loop, limit};
+
+/// Adds the worst reading, which stands for its gate. It names the others that are missed.
+void judge(const Readings& readings, const std::string& user, std::vector<Gate>& all) {
+  const auto fault = [](const Gate& one) { return one.ok() ? 0 : one.spoils_verdict() ? 2 : 1; };
+  const auto worst = std::ranges::max_element(readings, {}, fault);
+  if (worst == readings.end()) return;
+  Gate& gate = all.emplace_back(*worst);
+  gate.name = user + gate.name;
+  for (const Gate& one : readings)
+    if (&one != &*worst && !one.ok()) gate.cause.why += "; also " + user + one.figure();
 }
 
 /// "0.31 ms"
@@ -348,54 +379,12 @@ void to_json(Json& json, const Gate& gate) {
 }
 
 std::vector<Gate> gates(const RunResults& run) {
-  const WorldResult& world = run.world;
-  std::vector<Gate> all{
-      foreign_writer_gate("scene", "world_sim", world.refused.scene, world.refused.by),
-      foreign_writer_gate("haptic_report", "haptic_sim", world.refused.haptic_report, world.refused.by),
-      {"energy that the bodies gained",
-       kJoule,
-       run.energy_excess_j,
-       most_gained_j(run),
-       {Culprit::unstable,
-        scheme_of(run.scene.settings).properties.creates_energy_late
-            ? "the operators did not put it in: with late messages this --scheme creates it; another one, or less delay"
-            : "the operators did not put it in; a smaller --ratio, --set world.preset=quality, or another --engine"}}};
-  const double reports =
-      static_cast<double>(world.cycles) * static_cast<double>(std::max<std::size_t>(1, run.haptic.size()));
-  all.push_back(
-      {"reports that the world refused",
-       kOfReports,
-       static_cast<double>(world.refused_reports) / std::max(1.0, reports),
-       kRefusedRatio,
-       {Culprit::run,
-        "the world did not get these users' pushes: reports came more than 16 cycles late, between hosts more "
-        "than 0.5 s; look for a slow network, or for a sub-world that was halted"}});
-  if (run.haptic.size() > 1) {
-    all.push_back({"created energy at all operators together",
-                   kJoule,
-                   world.operators_created_j,
-                   most_created_j(run, all_work_j(run)),
-                   {Culprit::unstable, "neither an operator nor the bodies had it; less delay, or a smaller --ratio"}});
+  std::vector<Gate> all;
+  for (const auto measure : kGatesOfRun) judge(measure(run), "", all);
+  for (const View& at : users_of(run)) {
+    for (const auto measure : kGatesOfUser) judge(measure(at), at.name(), all);
   }
-  if (run.recording) {
-    all.push_back({"messages that the recording lost",
-                   kCount,
-                   static_cast<double>(run.recording->lost()),
-                   0.0,
-                   {Culprit::run, run.recording->fault.empty()
-                                      ? "the recorder's memory was full; --record needs a faster disk, or an idle core"
-                                      : run.recording->fault}});
-  }
-  for (std::size_t u = 0; u < run.haptic.size(); ++u) {
-    for (auto rows : {force_rows, timing_rows}) {
-      for (Row& row : rows({run, u})) {
-        row.gate.name = fmt::format("user {}: {}", run.haptic[u].user, row.gate.name);
-        if (row.holds) all.push_back(std::move(row.gate));
-      }
-    }
-  }
-  if (run.realtime())
-    all.push_back({"world real-time factor", kCount, world.real_time_factor_min, 1.0, by_slow_cycles(run), false});
+  judge(world_clock(run), "", all);
   return all;
 }
 

@@ -10,6 +10,7 @@
 #include "model/error.hpp"
 #include "model/joined.hpp"
 #include "rt/stop.hpp"
+#include "wire/last_messages.hpp"
 
 #include <fmt/core.h>
 
@@ -216,8 +217,8 @@ void write_last_messages(const RunResults& run, const MessageMemory& messages, c
   if (!run.verdict.starts_with("failed")) return;
   const auto write = [&](const std::string& program, int user) {
     const std::string label = user < 0 ? program : fmt::format("{}_{}", program, user);
-    const std::string fault =
-        messages.write(place_of_messages(program, user), fmt::format("{}/logs/last_{}.csv", folder, label));
+    const std::string fault = write_last_messages(messages.last_of(place_of_messages(program, user)),
+                                                  fmt::format("{}/logs/last_{}.csv", folder, label));
     if (!fault.empty()) fmt::print(stderr, "subworld: warning: no last messages of {}: {}\n", label, fault);
   };
   for (const char* program : {"world_sim", "gui_headless"}) write(program, -1);
@@ -226,13 +227,6 @@ void write_last_messages(const RunResults& run, const MessageMemory& messages, c
   }
   fmt::print("subworld: the last messages of each program: {}/logs/last_*.csv\n", folder);
 }
-
-int place_of_messages(const std::string& program, int user) {
-  if (user < 0) return program == "world_sim" ? 0 : 1;
-  return 2 + 2 * user + (program == "haptic_sim" ? 0 : 1);
-}
-
-int places_of_messages(int users) { return 2 + 2 * users; }
 
 std::string date_of_now() {
   const std::string text = local_time("%Y-%m-%dT%H:%M:%S%z");

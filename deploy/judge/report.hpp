@@ -5,7 +5,7 @@
 #include "run/run.hpp"
 #include "run/supervise.hpp"
 #include "watch/watchdog.hpp"
-#include "wire/last_messages.hpp"
+#include "wire/message_memory.hpp"
 
 #include <optional>
 #include <string>
@@ -40,9 +40,6 @@ int conclude_run(RunResults& run, const Ended& ended, const RunRequest& request,
 
 /// After a failed run: writes the last messages of each program to `logs/last_PROGRAM.csv`.
 void write_last_messages(const RunResults& run, const MessageMemory& messages, const std::string& folder);
-/// Place of a program in that memory, and their number; `user` -1: none.
-[[nodiscard]] int place_of_messages(const std::string& program, int user);
-[[nodiscard]] int places_of_messages(int users);
 
 /// ISO 8601 with the zone.
 [[nodiscard]] std::string date_of_now();

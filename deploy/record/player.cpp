@@ -63,7 +63,7 @@ Player::Player(mcap::Reader& reader, Bus& bus, const Config& config)
 
 void Player::publish_scene() {
   Codec<SceneDescription> codec;
-  ByteWriter* writer = nullptr;
+  wire::BackendWriter* writer = nullptr;
   std::optional<double> from_s, to_s;
   for (std::size_t i = 0; i < reader_.chunks() && (scene_.bodies.empty() || !from_s); ++i) {
     const mcap::Chunk chunk = reader_.read_chunk(i);

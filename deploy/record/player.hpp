@@ -42,7 +42,7 @@ class Player {
  private:
   struct Channel {
     std::size_t topic = 0;
-    std::unique_ptr<ByteWriter> writer;
+    std::unique_ptr<wire::BackendWriter> writer;
   };
   struct Due {
     std::uint16_t channel = 0;

@@ -14,10 +14,15 @@ using namespace subworld;
 /// program the place of its messages.
 void record(const Options& options, bool display) {
   const Scene scene = load_scene(options);
-  Recording recording(options.record, {scene, settings_flags_of(options), "", display});
+  MessageMemory memory(sizes_of_messages(scene, display, true),
+                       {.recorded = true, .waits = scene.settings.mode == Mode::lockstep, .keeps_to_itself = true});
+  Recording recording(options.record, {scene, settings_flags_of(options), "", display}, memory);
   recording.start();
   fmt::print("{}", getpid());
-  for (const std::string& place : recording.places()) fmt::print(" {}", place.empty() ? "-" : place);
+  for (std::size_t i = 0; i < places_of_messages(scene.settings.users); ++i) {
+    const std::string place = memory.place_of(i);
+    fmt::print(" {}", place.empty() ? "-" : place);
+  }
   fmt::print("\n");
   std::fflush(stdout);
   char ignored = 0;

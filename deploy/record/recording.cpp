@@ -2,8 +2,8 @@
 
 #include "io/json.hpp"
 #include "io/mcap_reader.hpp"
-#include "judge/report.hpp"
 #include "model/error.hpp"
+#include "rt/cyclic.hpp"
 #include "rt/wall_clock.hpp"
 #include "wire/schema.hpp"
 #include "wire/topics.hpp"
@@ -32,27 +32,6 @@ constexpr std::chrono::milliseconds kPeriod{10};
 constexpr int kNice = 5;  // as the display: the loops that compute forces come first
 constexpr const char* kPartAttachment = "part.json";
 
-// Each ring holds what its program sends in a second or more.
-constexpr std::size_t kMegabyte = 1U << 20U, kHaptic_bytes = 4 * kMegabyte, kDevice_bytes = kMegabyte,
-                      kDisplay_bytes = kMegabyte, kWorld_bytes = 16 * kMegabyte, kWorldUser_bytes = 2 * kMegabyte,
-                      kWorldBody_bytes = 2048;
-
-std::vector<std::size_t> ring_sizes(const Scene& scene, bool display) {
-  const int users = scene.settings.users;
-  std::vector<std::size_t> sizes(static_cast<std::size_t>(places_of_messages(users)));
-  const auto size_of = [&](const char* program, int user) -> std::size_t& {
-    return sizes[static_cast<std::size_t>(place_of_messages(program, user))];
-  };
-  size_of("world_sim", -1) =
-      kWorld_bytes + kWorldUser_bytes * static_cast<std::size_t>(users) + kWorldBody_bytes * scene.bodies.size();
-  size_of("gui_headless", -1) = display ? kDisplay_bytes : 0;
-  for (int user = 0; user < users; ++user) {
-    size_of("haptic_sim", user) = kHaptic_bytes;
-    size_of("device_sim", user) = kDevice_bytes;
-  }
-  return sizes;
-}
-
 bool is_of_user(std::size_t topic) {
   return topic == kTopicIndex<DeviceState> || topic == kTopicIndex<DeviceCommand> || topic == kTopicIndex<WorldFrame> ||
          topic == kTopicIndex<HapticReport>;
@@ -69,6 +48,10 @@ std::string text_of(const std::filesystem::path& path) {
   if (!file)
     throw Error(ExitCode::failed, fmt::format("{}: cannot be read, so it is not in the recording", path.string()));
   return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::int64_t steady_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
 }
 
 std::uint64_t attached_at() { return static_cast<std::uint64_t>(wall_ns()); }
@@ -143,6 +126,27 @@ void to_json(Json& json, const RecordingResult& result) {
   if (!result.fault.empty()) json["fault"] = result.fault;
 }
 
+std::size_t place_of_messages(const std::string& program, int user) {
+  if (user < 0) return program == "world_sim" ? 0 : 1;
+  return static_cast<std::size_t>(2 + 2 * user + (program == "haptic_sim" ? 0 : 1));
+}
+
+std::size_t places_of_messages(int users) { return static_cast<std::size_t>(2 + 2 * users); }
+
+std::vector<std::size_t> sizes_of_messages(const Scene& scene, bool display, bool recorded) {
+  constexpr std::size_t kMegabyte = 1U << 20U, kHaptic_bytes = 4 * kMegabyte, kWorld_bytes = 16 * kMegabyte,
+                        kWorldUser_bytes = 2 * kMegabyte, kWorldBody_bytes = 2048, kUnrecordedUser_bytes = 1U << 17U;
+  const auto users = static_cast<std::size_t>(scene.settings.users);
+  std::vector<std::size_t> sizes(places_of_messages(scene.settings.users), kMegabyte);
+  sizes[place_of_messages("world_sim", -1)] =
+      recorded ? kWorld_bytes + kWorldUser_bytes * users + kWorldBody_bytes * scene.bodies.size()
+               : std::max(kMegabyte, kUnrecordedUser_bytes * users);
+  if (!display) sizes[place_of_messages("gui_headless", -1)] = 0;
+  for (int user = 0; recorded && user < scene.settings.users; ++user)
+    sizes[place_of_messages("haptic_sim", user)] = kHaptic_bytes;
+  return sizes;
+}
+
 bool stays_inside(const std::filesystem::path& file) {
   return file.is_relative() && std::ranges::find(file, "..") == file.end();
 }
@@ -200,20 +204,12 @@ RecordingResult RecordingFile::result() const {
   return result;
 }
 
-Recording::Recording(const std::string& file, const RecordedRun& run)
-    : programs_(static_cast<std::size_t>(places_of_messages(run.scene.settings.users))),
-      memory_(ring_sizes(run.scene, run.display), run.scene.settings.mode == Mode::lockstep),
-      file_(file, run) {}
+Recording::Recording(const std::string& file, const RecordedRun& run, MessageMemory& memory)
+    : memory_(memory), to_wall_ns_(wall_ns() - steady_ns()), file_(file, run) {}
 
 Recording::~Recording() {
   ended_ = true;
   if (thread_.joinable()) thread_.join();
-}
-
-std::vector<std::string> Recording::places() const {
-  std::vector<std::string> places;
-  for (std::size_t i = 0; i < programs_; ++i) places.push_back(memory_.place_of(i));
-  return places;
 }
 
 void Recording::divide(const std::string& part_file, const RecordedRun& run) {
@@ -245,10 +241,10 @@ void Recording::work() {
 void Recording::write_arrived(bool last) {
   try {
     memory_.take(arrived_, last);
-    std::ranges::stable_sort(arrived_, {}, &RecordedMessage::time_ns);
-    for (const RecordedMessage& message : arrived_) {
+    std::ranges::stable_sort(arrived_, {}, &KeptMessage::time_ns);
+    for (const KeptMessage& message : arrived_) {
       if (own_->failed()) break;  // the rings are emptied all the same: no program waits
-      own_->write(topic_name(message.topic, message.user), message.number, message.time_ns, message.cdr);
+      own_->write(topic_name(message.topic, message.user), message.number, message.time_ns + to_wall_ns_, message.cdr);
     }
     if (last && !own_->failed()) own_->flush();
   } catch (const std::exception& fault) {
@@ -282,7 +278,7 @@ RecordingResult Recording::drain(const std::vector<RecordingPart>& others) {
 
 RecordingResult Recording::figures() const {
   RecordingResult own = own_->result();
-  for (const std::uint64_t sent : memory_.counts().sent) own.sent += sent;
+  own.sent = memory_.sent();
   own.cpu_s = cpu_s_;
   return own;
 }

@@ -3,7 +3,7 @@
 #include "io/mcap_writer.hpp"
 #include "io/results.hpp"
 #include "model/scene.hpp"
-#include "wire/recording_memory.hpp"
+#include "wire/message_memory.hpp"
 
 #include <atomic>
 #include <cstdint>
@@ -70,18 +70,16 @@ struct RecordingPart {
 };
 
 /// Records a run to a file: all messages of its programs, scene, settings and summary. The programs of this machine
-/// copy their messages into shared memory (wire/recording_memory); a thread of this process writes them.
+/// copy their messages into shared memory; a thread of this process writes them.
 class Recording {
  public:
-  /// Throws `Error` (failed) where the file or the memory cannot be made.
-  Recording(const std::string& file, const RecordedRun& run);
+  /// Throws `Error` (failed) where the file cannot be made.
+  Recording(const std::string& file, const RecordedRun& run, MessageMemory& memory);
   /// Ends the thread.
   ~Recording();
   Recording(const Recording&) = delete;
   Recording& operator=(const Recording&) = delete;
 
-  /// Value of the environment variable of each program, by its place (place_of_messages); empty: it is not recorded.
-  [[nodiscard]] std::vector<std::string> places() const;
   /// Before the start, where other hosts have recordings too: the messages of this machine go to a part of their own.
   void divide(const std::string& part_file, const RecordedRun& run);
   void start();
@@ -97,16 +95,22 @@ class Recording {
   void write_arrived(bool last);
   [[nodiscard]] RecordingResult figures() const;  ///< of this machine
 
-  std::size_t programs_;
-  RecordingMemory memory_;
+  MessageMemory& memory_;
+  std::int64_t to_wall_ns_;  ///< of the steady clock
   RecordingFile file_;
   std::unique_ptr<RecordingFile> part_;
   RecordingFile* own_ = &file_;  ///< for the messages of this machine
   double cpu_s_ = 0.0;
-  std::vector<RecordedMessage> arrived_;
+  std::vector<KeptMessage> arrived_;
   std::atomic<bool> ended_ = false;
   std::thread thread_;
 };
+
+/// Place of a program in the memory of a run's messages, and their number; `user` -1: none.
+[[nodiscard]] std::size_t place_of_messages(const std::string& program, int user);
+[[nodiscard]] std::size_t places_of_messages(int users);
+/// The sizes of the programs' rings: what a program sends in a second or more. A recording needs whole messages.
+[[nodiscard]] std::vector<std::size_t> sizes_of_messages(const Scene& scene, bool display, bool recorded);
 
 /// Whether a path leads to a file below the folder that it begins in.
 [[nodiscard]] bool stays_inside(const std::filesystem::path& file);

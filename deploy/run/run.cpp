@@ -58,7 +58,6 @@ class Run {
     watch_stop_signals();
     begin_ = Clock::now();
     use_ = machine_use();
-    messages_.emplace(places_of_messages(run_.scene.settings.users));
     const Keeper keeper([&] {
       Ended ended;
       ended.orphaned = true;
@@ -84,7 +83,10 @@ class Run {
     if (request_.host.empty())
       space_.emplace(out() + "/summary.json", kSummary_bytes + kUser_bytes * run_.scene.users.size());
     if (!options.trace.empty()) merge_traces({}, options.trace);  // an unwritable file is an error before anything runs
-    if (!options.record.empty()) recording_ = std::make_unique<Recording>(options.record, recorded());
+    const bool records = !options.record.empty();
+    messages_.emplace(sizes_of_messages(run_.scene, request_.gui, records),
+                      MessageMemory::Config{.recorded = records, .waits = records && !run_.realtime()});
+    if (records) recording_ = std::make_unique<Recording>(options.record, recorded(), *messages_);
     if (!session_.has_file()) session_.domain = claim_domain(request_.domain, domain_lock_);
   }
 
@@ -187,7 +189,6 @@ class Run {
 
   [[nodiscard]] SupervisedProgram supervised(const Host& host, const RunProgram& program, const std::string& vendor) {
     const bool display = program.name == "gui_headless";
-    const int place = place_of_messages(program.name, program.user);
     const auto command = [&host, program, flags = plan_.flags_of(host, program, vendor)](bool again) {
       return host.command(program, flags, again);
     };
@@ -202,8 +203,7 @@ class Run {
     const auto set = [&](const char* variable, const std::string& value) {
       if (!value.empty()) one.environment[variable] = value;
     };
-    set(MessageMemory::kVariable, messages_->place_of(place));
-    if (recording_) set(RecordingMemory::kVariable, recording_->places().at(static_cast<std::size_t>(place)));
+    set(MessageMemory::kVariable, messages_->place_of(place_of_messages(program.name, program.user)));
     if (display && live().port && request_.host.empty()) set(kVerdictVariable, out() + "/summary.json");
     // On its command line others could read the token.
     if (display) set(kTokenVariable, live().token);
@@ -275,8 +275,8 @@ class Run {
   std::optional<ReservedFile> space_;
   std::unique_ptr<EmulatedNetwork> network_;  ///< with --namespaces
   std::vector<std::unique_ptr<Host>> hosts_;
-  std::unique_ptr<Recording> recording_;
   std::optional<MessageMemory> messages_;
+  std::unique_ptr<Recording> recording_;
   std::optional<Calibration> calibration_;
   std::unique_ptr<Progress> progress_;
   TimePoint begin_;

@@ -1,11 +1,11 @@
 #include "session/host.hpp"
 
-#include "judge/report.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
+#include "record/recording.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/wall_clock.hpp"
-#include "wire/recording_memory.hpp"
+#include "wire/message_memory.hpp"
 
 #include <fmt/core.h>
 #include <poll.h>
@@ -148,13 +148,13 @@ void DistantHost::start_recorder(std::vector<std::string> flags) {
 }
 
 /// Opens the memory of the recorder, which has another parent there: "PID", and "FILE:" before what a program knows.
-std::string DistantHost::opened_recording(const RunProgram& program) const {
-  const auto at = static_cast<std::size_t>(1 + place_of_messages(program.name, program.user));
+std::string DistantHost::opened_messages(const RunProgram& program) const {
+  const auto at = 1 + place_of_messages(program.name, program.user);
   if (at >= places_.size() || places_[at] == "-") return {};
   const std::string& place = places_[at];
   const std::size_t colon = place.find(':');
   return fmt::format("exec 7<>/proc/{}/fd/{} && export {}=7{} && ", places_[0], place.substr(0, colon),
-                     RecordingMemory::kVariable, place.substr(colon));
+                     MessageMemory::kVariable, place.substr(colon));
 }
 
 bool DistantHost::has_ended_world() const {
@@ -163,7 +163,7 @@ bool DistantHost::has_ended_world() const {
 }
 
 Command DistantHost::command(const RunProgram& program, std::vector<std::string> flags, bool again) const {
-  std::string text = fmt::format("cd {} && {}", shell_word(checkout_), opened_recording(program));
+  std::string text = fmt::format("cd {} && {}", shell_word(checkout_), opened_messages(program));
   const bool world = program.name == "world_sim";
   if (world && again) {
     text += fmt::format("if ls {0}/world_?.checkpoint > /dev/null 2>&1; then set -- --resume {0}; fi && ",

@@ -78,7 +78,7 @@ class DistantHost : public Host {
   [[nodiscard]] std::string by_ssh(const std::string& command) const;
 
   /// Shell commands before a program, with which it finds the recorder's memory.
-  [[nodiscard]] std::string opened_recording(const RunProgram& program) const;
+  [[nodiscard]] std::string opened_messages(const RunProgram& program) const;
 
   std::string ssh_;
   std::string checkout_;

@@ -123,7 +123,7 @@ void Sources::subscribe(const Channel& channel) {
   Open& open = at->second;
   if (first && has_reader(channel)) {
     try {
-      open.observer.emplace(bus_, channel.row.value_or(kTopicIndex<WorldSnapshot>), channel.partition);
+      open.observer = Observer::reader(bus_, channel.row.value_or(kTopicIndex<WorldSnapshot>), channel.partition);
     } catch (...) {
       open_.erase(at);
       throw;
@@ -196,7 +196,8 @@ void Sources::poll_topic(const Channel& channel, Open& open, const Deliver& deli
   std::map<std::uint64_t, Sample> arrived;
   const std::uint64_t now = wall_time_ns();
   std::vector<std::uint8_t> cdr;
-  while (open.observer->receive(cdr)) {
+  std::uint64_t writer = 0;
+  while (open.observer->take(cdr, writer)) {
     const std::uint64_t key = is_event(channel) ? kEvent | events_++ : key_of(*channel.row, cdr);
     arrived[key] = {key, now, shared(std::exchange(cdr, {}))};
   }
@@ -208,7 +209,8 @@ void Sources::poll_topic(const Channel& channel, Open& open, const Deliver& deli
 
 void Sources::poll_made(const Channel& channel, Open& open, const Deliver& deliver) {
   std::vector<std::uint8_t> cdr;
-  while (open.observer->receive(cdr)) {
+  std::uint64_t writer = 0;
+  while (open.observer->take(cdr, writer)) {
     if (is_view(channel))
       viewer_.take(cdr, scene_ ? scene_->bodies.size() : 0);
     else

@@ -62,7 +62,7 @@ class Sources {
  private:
   struct Open {
     int subscribers = 0;
-    std::optional<Observer> observer;  // none: another reader has it, or it comes from no topic
+    std::unique_ptr<wire::BackendReader> observer;  // none: another reader has it, or it comes from no topic
     std::map<std::uint64_t, Sample> newest;
   };
   void poll_topic(const Channel& channel, Open& open, const Deliver& deliver);

@@ -280,6 +280,30 @@ TEST(Gates, TheLimitsOfAShortRunAreReported) {
   EXPECT_TRUE(said);
 }
 
+// The worst reading stands for its gate, and none is lost.
+TEST(Gates, NameAllReadingsThatAreMissed) {
+  RunResults run = late_run(2, true, 0.0);
+  run.between_hosts = true;
+  for (HapticResult& haptic : run.haptic) haptic.missed_by_os = 0;
+  run.world.real_time_factor_min = 1.0;
+  const std::size_t count = gates(run).size();
+  run.haptic[0].late_reports_ratio = 0.15;
+  run.haptic[1].lost_frames = 3;
+  run.haptic[1].skipped_steps = 1000;
+  run.device[1].refused.device_command = 2;
+  run.world.refused.scene = 1;
+  EXPECT_EQ(gates(run).size(), count);
+  const auto line = [&](const std::string& name) {
+    const auto all = gates(run);
+    const auto found = std::ranges::find(all, name, &Gate::name);
+    return found == all.end() ? "no gate " + name : found->line();
+  };
+  const std::string messages = line("user 1: lost frames"), writers = line("scene from a foreign writer");
+  EXPECT_TRUE(messages.starts_with("user 1: lost frames 3 <= 0: MISSED: ")) << messages;
+  EXPECT_TRUE(messages.ends_with("; also user 0: late reports 15 % of reports")) << messages;
+  EXPECT_TRUE(writers.ends_with("; also user 1: device_command from a foreign writer 2")) << writers;
+}
+
 TEST(Gates, AGoodVerdictReportsTheDevicesLimit) {
   RunResults run = quiet_run();
   run.haptic[0].at_limit_ratio = 0.83;

@@ -10,7 +10,7 @@
 namespace subworld {
 namespace {
 
-constexpr double kCycle_s = 0.004;
+constexpr double kWorldCycle_s = 0.004;
 
 /// A world and a haptic clock that is `head_start_s` ahead of the frames; it moves towards a new one by a tenth of the
 /// time that passes. A report takes `up_s`, a frame `down_s`.
@@ -19,7 +19,7 @@ struct Bed {
   double clock_s;  ///< the head start that the haptic clock has
   std::vector<double> late = {};
 
-  explicit Bed(double round_trip_s) : head_start(round_trip_s, kCycle_s), clock_s(head_start.head_start_s()) {}
+  explicit Bed(double round_trip_s) : head_start(round_trip_s, kWorldCycle_s), clock_s(head_start.head_start_s()) {}
 
   template <class RoundTrip>
   void run(int frames, RoundTrip round_trip_s) {
@@ -27,11 +27,11 @@ struct Bed {
     for (int j = 0; j < frames; ++j) {
       // A report is written so long before the frame of its stamp arrives; the world reads once a cycle.
       const double late_s = round_trip_s(j) - clock_s;
-      const double cycles = std::ceil(late_s / kCycle_s);
+      const double cycles = std::ceil(late_s / kWorldCycle_s);
       late.push_back(cycles);
       const auto stamp = static_cast<std::uint64_t>(1000 + j);
-      head_start.observe(stamp, static_cast<std::uint64_t>(static_cast<double>(stamp) - cycles), kCycle_s);
-      clock_s += std::clamp(head_start.head_start_s() - clock_s, -0.1 * kCycle_s, 0.1 * kCycle_s);
+      head_start.observe(stamp, static_cast<std::uint64_t>(static_cast<double>(stamp) - cycles), kWorldCycle_s);
+      clock_s += std::clamp(head_start.head_start_s() - clock_s, -0.1 * kWorldCycle_s, 0.1 * kWorldCycle_s);
     }
   }
   [[nodiscard]] double late_ratio(std::size_t last) const {
@@ -54,10 +54,10 @@ TEST(HeadStart, FollowsALinkThatGetsSlowerAndFasterWithoutOvershoot) {
   Bed bed(0.02);
   bed.run(2000, [](int) { return 0.08; });
   EXPECT_EQ(bed.late_ratio(200), 0.0);
-  EXPECT_LT(bed.head_start.head_start_s(), 0.08 + 2.0 * kCycle_s);
+  EXPECT_LT(bed.head_start.head_start_s(), 0.08 + 2.0 * kWorldCycle_s);
   bed.run(6000, [](int) { return 0.01; });
   EXPECT_EQ(bed.late_ratio(200), 0.0);
-  EXPECT_LT(bed.head_start.head_start_s(), 0.01 + 4.0 * kCycle_s)
+  EXPECT_LT(bed.head_start.head_start_s(), 0.01 + 4.0 * kWorldCycle_s)
       << "frames need not be older than the link makes them";
 }
 
