@@ -10,6 +10,7 @@
 #include "model/mass_properties.hpp"
 #include "model/shape_extent.hpp"
 #include "physics/plugin.hpp"
+#include "plan/start_warnings.hpp"
 #include "run/run.hpp"
 
 #include <fmt/core.h>

@@ -24,22 +24,4 @@ void print_plan(const RunRequest& request, bool settings);
 /// Throws `Error` (usage) where the settings name no engine or preset.
 [[nodiscard]] std::vector<std::string> beyond_limits(const Scene& scene);
 
-/// "a, b and 3 more"
-[[nodiscard]] std::string listed(const std::vector<std::string>& items);
-
-/// Names of the bodies of which `holds` is true.
-template <class Holds>
-std::vector<std::string> names_of(const Scene& scene, const Holds& holds) {
-  std::vector<std::string> names;
-  for (const Body& body : scene.bodies) {
-    if (holds(body)) names.push_back(body.name);
-  }
-  return names;
-}
-
-/// Bodies with a density that no material has, and that one has if the body was described in mm, cm or g.
-void warn_of_slips(const Scene& scene, std::vector<std::string>& out);
-/// Bodies that overlap, and bodies at rest that nothing supports.
-void warn_of_the_start(const Scene& scene, std::vector<std::string>& out);
-
 }  // namespace subworld

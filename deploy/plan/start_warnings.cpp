@@ -1,4 +1,4 @@
-#include "plan/limits.hpp"
+#include "plan/start_warnings.hpp"
 
 #include "model/error.hpp"
 #include "model/joined.hpp"

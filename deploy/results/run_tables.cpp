@@ -1,5 +1,4 @@
 #include "io/json.hpp"
-#include "model/joined.hpp"
 #include "results/run_report.hpp"
 
 #include <fmt/core.h>
@@ -134,14 +133,14 @@ std::string table_of(const std::string& name, const std::vector<Json>& users, st
 
 /// When a user did not take part: "0.5 to 1.2 s".
 std::string absences_of(const Json& summary, const std::string& user) {
-  std::vector<std::string> texts;
+  std::string text;
   for (const Json& absence : value_at(summary, "world/absences")) {
-    if (text_at(absence, "user") == user)
-      texts.push_back(fmt::format("{} to {} s{}", digits_of(number_at(absence, "from_s"), 4),
-                                  digits_of(number_at(absence, "to_s"), 4),
-                                  text_at(absence, "by_order") == "true" ? " (asked to leave)" : ""));
+    if (text_at(absence, "user") != user) continue;
+    text += fmt::format("{}{} to {} s{}", text.empty() ? "" : "; ", digits_of(number_at(absence, "from_s"), 4),
+                        digits_of(number_at(absence, "to_s"), 4),
+                        text_at(absence, "by_order") == "true" ? " (asked to leave)" : "");
   }
-  return texts.empty() ? "none" : joined(texts, "; ");
+  return text.empty() ? "none" : text;
 }
 
 std::string device_of(const Json& user) {

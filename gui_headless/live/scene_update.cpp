@@ -1,4 +1,4 @@
-#include "sources.hpp"
+#include "scene_update.hpp"
 
 #include "written.hpp"
 

@@ -1,6 +1,7 @@
 #include "sources.hpp"
 
 #include "io/json.hpp"
+#include "scene_update.hpp"
 #include "tools.hpp"
 #include "wire/schema.hpp"
 #include "world_view.hpp"

@@ -85,14 +85,6 @@ class Sources {
   std::uint64_t next_update_ns_ = 0;
 };
 
-/// The world as `foxglove::SceneUpdate`, CDR with its header. Entities: `fixed`, `bodies` and `forces` (an arrow at
-/// each proxy, `kArrow_m_per_n` long per newton). Each message has all bodies, so that a client may miss any. Colours
-/// as in the picture: proxies are red, members blue, border bodies yellow, other movable bodies light grey.
-[[nodiscard]] std::vector<std::uint8_t> scene_update(const SceneDescription& scene, std::span<const BodyState> states,
-                                                     std::span<const UserView> users, std::uint64_t time_ns);
-
-inline constexpr double kArrow_m_per_n = 0.02;
-
 /// The message of kVerdictTopic. Throws `std::exception` where the summary has no verdict.
 [[nodiscard]] std::vector<std::uint8_t> encode_verdict(const std::string& summary_file);
 

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "model/exchange.hpp"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace subworld::live {
+
+/// The world as `foxglove::SceneUpdate`, CDR with its header. Entities: `fixed`, `bodies` and `forces` (an arrow at
+/// each proxy, `kArrow_m_per_n` long per newton). Each message has all bodies, so that a client may miss any. Colours
+/// as in the picture: proxies are red, members blue, border bodies yellow, other movable bodies light grey.
+[[nodiscard]] std::vector<std::uint8_t> scene_update(const SceneDescription& scene, std::span<const BodyState> states,
+                                                     std::span<const UserView> users, std::uint64_t time_ns);
+
+inline constexpr double kArrow_m_per_n = 0.02;
+
+}  // namespace subworld::live
