@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace subworld {
 
@@ -27,8 +28,9 @@ struct Restarted {
 /// memory as it was when this object was made, and no other thread than its own.
 class Keeper {
  public:
-  /// `conclude` is called in the keeper's process. Throws `Error` (failed) where no process can be made.
-  explicit Keeper(const std::function<void()>& conclude);
+  /// `conclude` is called in the keeper's process, with the programs that the launcher had started again. Throws
+  /// `Error` (failed) where no process can be made.
+  explicit Keeper(const std::function<void(const std::vector<Restarted>&)>& conclude);
   /// The launcher has concluded the run: the keeper ends.
   ~Keeper();
   Keeper(const Keeper&) = delete;
@@ -36,6 +38,7 @@ class Keeper {
 
   /// The launcher has started this process.
   void add(pid_t program) const;
+  void add(const Restarted& restarted) const;
 
  private:
   int pipe_ = -1;

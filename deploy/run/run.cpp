@@ -58,7 +58,8 @@ class Run {
     watch_stop_signals();
     begin_ = Clock::now();
     use_ = machine_use();
-    const Keeper keeper([&] {
+    const Keeper keeper([&](const std::vector<Restarted>& restarts) {
+      run_.restarts = restarts;
       Ended ended;
       ended.orphaned = true;
       (void)conclude(std::move(ended));

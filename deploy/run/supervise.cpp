@@ -141,6 +141,7 @@ std::optional<Supervisor::Failure> Supervisor::revive() {
       child.starts_at = Clock::now() + (child.restarts == 0 ? 0 : 1 << child.restarts) * kFirstPause;
       const double after_s = std::chrono::duration<double>(Clock::now() - watched_from_).count();
       restarts_.push_back({child.program.label, after_s, reason});
+      keeper_.add(restarts_.back());
       fmt::print(stderr, "subworld: {} {}; it is started again\n", child.program.name(), reason);
     } else if (Clock::now() >= child.starts_at) {
       child.starts_at = {};
