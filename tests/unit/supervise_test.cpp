@@ -35,7 +35,7 @@ class Restarts : public ::testing::Test {
   }
 
   const TemporaryFolder folder_;
-  const Keeper keeper_{[] {}};
+  const Keeper keeper_{[](const std::vector<Restarted>&) {}};
   bool over_ = false;  ///< the world says that the run is over
   Supervisor programs_{Restart::on_failure, keeper_, {.run_is_over = [this] { return over_; }}};
 };
