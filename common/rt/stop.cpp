@@ -40,7 +40,7 @@ void handle_stop_signals(void (*handler)(int)) {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-/// The system's own handling follows, so that the process ends by this signal.
+/// The system's own handling follows when it returns, so that the process ends by this signal.
 void on_fault(int signal, siginfo_t* info, void*) {
   std::array<char, 120> text{};
   const int length = std::snprintf(text.data(), text.size(), "error: signal %d (code %d) at address %p, called by:\n",
@@ -48,6 +48,7 @@ void on_fault(int signal, siginfo_t* info, void*) {
   [[maybe_unused]] const auto written = write(STDERR_FILENO, text.data(), static_cast<std::size_t>(length));
   std::array<void*, 32> frames{};
   backtrace_symbols_fd(frames.data(), backtrace(frames.data(), frames.size()), STDERR_FILENO);
+  std::raise(signal);
 }
 
 void report_faults() {
