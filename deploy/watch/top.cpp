@@ -7,6 +7,7 @@
 
 #include <fmt/core.h>
 #include <poll.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +16,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <thread>
 
 namespace subworld {
 
@@ -110,6 +112,34 @@ class Domains {
   std::map<int, std::unique_ptr<Listener>> listeners_;
 };
 
+/// Makes single keys readable, and restores the terminal.
+class Keys {
+ public:
+  Keys() : active_(tcgetattr(STDIN_FILENO, &before_) == 0) {
+    if (!active_) return;
+    termios raw = before_;
+    raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+    tcsetattr(STDIN_FILENO, TCSANOW, &raw);
+  }
+  ~Keys() {
+    if (active_) tcsetattr(STDIN_FILENO, TCSANOW, &before_);
+  }
+  Keys(const Keys&) = delete;
+  Keys& operator=(const Keys&) = delete;
+
+  /// Waits for a key that ends the display; false after the timeout.
+  [[nodiscard]] bool quit_within(std::chrono::milliseconds timeout) const {
+    pollfd input{.fd = active_ ? STDIN_FILENO : -1, .events = POLLIN, .revents = 0};
+    if (poll(&input, 1, static_cast<int>(timeout.count())) <= 0) return stop_signal() != 0;
+    char key = 0;
+    return read(STDIN_FILENO, &key, 1) <= 0 || key == 'q' || key == 'Q';
+  }
+
+ private:
+  termios before_{};
+  bool active_;
+};
+
 std::string state_of(const Status& status) {
   if (status.paused) return "paused";
   if (!status.waits_for.empty()) return "waits for " + status.waits_for;
@@ -180,18 +210,22 @@ void show_top(const TopRequest& request) {
   Domains domains(request);
   domains.look();
   watch_stop_signals();
-  const bool once = request.once || isatty(STDOUT_FILENO) == 0;
-  const auto sleep = [](std::chrono::milliseconds time) {  // a signal ends it
-    poll(nullptr, 0, static_cast<int>(time.count()));
-  };
-  sleep(kFirstLook);
-  while (!once && stop_signal() == 0) {
-    domains.look();
-    fmt::print("\033[H\033[2J{}\nCtrl-C ends\n", domains.text());
-    std::fflush(stdout);
-    sleep(kRefresh);
+  if (request.once || isatty(STDOUT_FILENO) == 0) {
+    std::this_thread::sleep_for(kFirstLook);
+    fmt::print("{}", domains.text());
+    return;
   }
-  if (once) fmt::print("{}", domains.text());
+  const Keys keys;
+  bool quit = keys.quit_within(kFirstLook);
+  fmt::print("\033[?25l");
+  while (!quit) {
+    domains.look();
+    fmt::print("\033[H\033[2J{}\nq or Ctrl-C ends\n", domains.text());
+    std::fflush(stdout);
+    quit = keys.quit_within(kRefresh);
+  }
+  fmt::print("\033[?25h");
+  std::fflush(stdout);
 }
 
 }  // namespace subworld
