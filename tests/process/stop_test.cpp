@@ -50,7 +50,7 @@ TEST_F(Stop, AFaultNamesItsAddressAndTheCallsThatLedToIt) {
   if (HasFatalFailure()) return;
   kill(find("haptic_sim"), SIGBUS);
   EXPECT_EQ(expect_end(), 1);
-  EXPECT_NE(process_->err().find("haptic_sim killed by SIGBUS"), std::string::npos) << process_->err();
+  EXPECT_NE(process_->err().find("haptic_sim_0 killed by SIGBUS"), std::string::npos) << process_->err();
   const std::string log = read_text(out() + "/logs/haptic_sim_0.log");
   EXPECT_NE(log.find("error: signal 7 (code 0) at address"), std::string::npos) << log;
   EXPECT_NE(log.find("haptic_sim("), std::string::npos) << log;
