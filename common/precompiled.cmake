@@ -3,7 +3,7 @@
 set(subworld_headers
     <algorithm> <array> <atomic> <bit> <charconv> <chrono> <cmath> <condition_variable> <filesystem> <fstream> <functional>
     <iostream> <map> <memory> <mutex> <numeric> <optional> <ranges> <set> <span> <sstream> <string> <thread> <unordered_map>
-    <variant> <vector> <Eigen/Core> <Eigen/Geometry> <fmt/core.h> <model/exchange.hpp> <model/joined.hpp> <model/scene.hpp>)
+    <variant> <vector> <Eigen/Core> <Eigen/Geometry> <fmt/core.h> <model/messages/exchange.hpp> <model/joined.hpp> <model/scene/scene.hpp>)
 
 # subworld_precompiled(name option... [LINK library...] [HEADERS further headers...])
 function(subworld_precompiled name)

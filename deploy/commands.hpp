@@ -1,9 +1,9 @@
 #pragma once
 
-#include "io/command_line.hpp"
-#include "model/exchange.hpp"
-#include "model/network.hpp"
-#include "physics/engine_exchange.hpp"
+#include "io/options/command_line.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/settings/network.hpp"
+#include "physics/shells/engine_exchange.hpp"
 #include "run/run.hpp"
 #include "session/collect.hpp"
 

@@ -1,5 +1,5 @@
 #include "commands.hpp"
-#include "io/output.hpp"
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
 #include "physics/plugin.hpp"

@@ -4,8 +4,8 @@
 #include "coupling/safety/force_guard.hpp"
 #include "coupling/safety/motion_guard.hpp"
 #include "coupling/safety/oscillation.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 namespace subworld {
 

@@ -3,8 +3,8 @@
 #include "device_sim/device.hpp"
 #include "device_sim/driver_check.hpp"
 #include "device_sim/driver_thread.hpp"
-#include "io/program_results.hpp"
-#include "model/scene.hpp"
+#include "io/results/program_results.hpp"
+#include "model/scene/scene.hpp"
 
 #include <string>
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "device_sim/device.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <optional>
 

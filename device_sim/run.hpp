@@ -2,7 +2,7 @@
 
 #include "device_sim/device.hpp"
 #include "device_sim/device_guard.hpp"
-#include "io/program_results.hpp"
+#include "io/results/program_results.hpp"
 #include "program/loop_measures.hpp"
 #include "wire/await.hpp"
 #include "wire/bus.hpp"

@@ -1,6 +1,6 @@
 #include "figure.hpp"
 
-#include "model/shape_extent.hpp"
+#include "model/shapes/shape_extent.hpp"
 
 #include <algorithm>
 #include <cmath>

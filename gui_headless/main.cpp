@@ -1,4 +1,4 @@
-#include "io/options.hpp"
+#include "io/options/options.hpp"
 #include "live/server.hpp"
 #include "model/error.hpp"
 #include "picture.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "camera.hpp"
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 
 #include <cstdint>
 #include <optional>

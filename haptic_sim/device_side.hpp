@@ -6,8 +6,8 @@
 #include "coupling/tool/tool.hpp"
 #include "haptic_sim/declutch.hpp"
 #include "haptic_sim/local_model.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cstdint>
 #include <optional>

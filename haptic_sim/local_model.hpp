@@ -3,9 +3,9 @@
 #include "coupling/schemes/scheme.hpp"
 #include "coupling/tool/tool.hpp"
 #include "coupling/tool/virtual_coupling.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
-#include "physics/live_engine.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
+#include "physics/shells/live_engine.hpp"
 
 #include <cstdint>
 #include <memory>

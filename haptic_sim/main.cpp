@@ -1,4 +1,4 @@
-#include "haptic_sim/run.hpp"
+#include "haptic_sim/loops/run.hpp"
 #include "program/leave.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"

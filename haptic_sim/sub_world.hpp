@@ -1,13 +1,13 @@
 #pragma once
 
-#include "haptic_sim/cycle_clock.hpp"
 #include "haptic_sim/device_side.hpp"
 #include "haptic_sim/local_model.hpp"
+#include "haptic_sim/loops/cycle_clock.hpp"
 #include "haptic_sim/report_totals.hpp"
 #include "haptic_sim/world_link.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
-#include "physics/engine_exchange.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
+#include "physics/shells/engine_exchange.hpp"
 
 #include <memory>
 #include <span>

@@ -2,8 +2,8 @@
 
 #include "coupling/plan.hpp"
 #include "coupling/sync/synchroniser.hpp"
-#include "model/reach.hpp"
-#include "model/shape_extent.hpp"
+#include "model/shapes/reach.hpp"
+#include "model/shapes/shape_extent.hpp"
 
 #include <algorithm>
 

@@ -2,8 +2,8 @@
 
 #include "coupling/messages/suppression.hpp"
 #include "coupling/schemes/scheme.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cstdint>
 #include <optional>

@@ -2,7 +2,7 @@
 
 #include "coupling/tool/virtual_coupling.hpp"
 #include "model/hash.hpp"
-#include "world_sim/checkpoint.hpp"
+#include "world_sim/checkpoint/checkpoint.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -3,8 +3,8 @@
 #include "coupling/safety/energy_port.hpp"
 #include "coupling/schemes/world_side.hpp"
 #include "coupling/tool/tool.hpp"
-#include "model/scene.hpp"
-#include "physics/resting_engine.hpp"
+#include "model/scene/scene.hpp"
+#include "physics/shells/resting_engine.hpp"
 #include "world_sim/facts.hpp"
 #include "world_sim/user_link.hpp"
 

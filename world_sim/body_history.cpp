@@ -1,8 +1,8 @@
 #include "world_sim/body_history.hpp"
 
-#include "model/body_choice.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
+#include "model/scene/body_choice.hpp"
 #include "rt/cyclic.hpp"
 #include "world_sim/world.hpp"
 

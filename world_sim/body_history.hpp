@@ -1,9 +1,9 @@
 #pragma once
 
-#include "io/history.hpp"
-#include "io/options.hpp"
-#include "io/program_results.hpp"
-#include "model/scene.hpp"
+#include "io/options/options.hpp"
+#include "io/records/history.hpp"
+#include "io/results/program_results.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cstdint>
 #include <optional>

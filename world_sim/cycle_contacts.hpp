@@ -1,9 +1,9 @@
 #pragma once
 
 #include "coupling/select/contact_graph.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 #include "physics/contact_totals.hpp"
-#include "physics/resting_engine.hpp"
+#include "physics/shells/resting_engine.hpp"
 
 #include <span>
 #include <vector>

@@ -4,8 +4,8 @@
 #include "coupling/messages/timetable.hpp"
 #include "coupling/schemes/scheme.hpp"
 #include "coupling/select/budget.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 #include "physics/engine.hpp"
 
 #include <cstdint>

@@ -5,8 +5,8 @@
 #include "coupling/select/contact_graph.hpp"
 #include "coupling/select/peers.hpp"
 #include "coupling/select/selection.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 #include "world_sim/suppression_finder.hpp"
 #include "world_sim/user_link.hpp"
 

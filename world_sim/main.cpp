@@ -2,9 +2,9 @@
 #include "rt/cyclic.hpp"
 #include "rt/scheduling.hpp"
 #include "rt/stop.hpp"
-#include "world_sim/checkpoint.hpp"
-#include "world_sim/checkpoint_writer.hpp"
-#include "world_sim/loop.hpp"
+#include "world_sim/checkpoint/checkpoint.hpp"
+#include "world_sim/checkpoint/checkpoint_writer.hpp"
+#include "world_sim/loops/loop.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>

@@ -3,7 +3,7 @@
 #include "coupling/messages/suppression.hpp"
 #include "coupling/plan.hpp"
 #include "coupling/sync/synchroniser.hpp"
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 
 #include <algorithm>
 #include <cstdint>

@@ -1,4 +1,4 @@
-#include "world_sim/checkpoint.hpp"
+#include "world_sim/checkpoint/checkpoint.hpp"
 #include "world_sim/world.hpp"
 
 namespace subworld {

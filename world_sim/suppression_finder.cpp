@@ -2,7 +2,7 @@
 
 #include "coupling/select/selection.hpp"
 #include "coupling/sync/synchroniser.hpp"
-#include "model/reach.hpp"
+#include "model/shapes/reach.hpp"
 
 #include <algorithm>
 #include <cmath>

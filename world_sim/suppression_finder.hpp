@@ -2,7 +2,7 @@
 
 #include "coupling/messages/suppression.hpp"
 #include "coupling/schemes/scheme.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <optional>
 #include <vector>

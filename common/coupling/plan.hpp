@@ -1,7 +1,7 @@
 #pragma once
 
-#include "model/optimisation.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
+#include "model/settings/optimisation.hpp"
 
 #include <cstddef>
 #include <vector>

@@ -1,6 +1,6 @@
 #include "io/ending.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 
 #include <fmt/core.h>
 

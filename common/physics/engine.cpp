@@ -2,9 +2,9 @@
 
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "model/nearest.hpp"
+#include "model/shapes/nearest.hpp"
 #include "physics/plugin.hpp"
-#include "physics/scaled_engine.hpp"
+#include "physics/shells/scaled_engine.hpp"
 #include "plugin/library.hpp"
 
 #include <fmt/core.h>

@@ -2,7 +2,7 @@
 
 #include "model/body.hpp"
 #include "model/contact.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 #include "model/step_cost.hpp"
 #include "physics/engine_times.hpp"
 

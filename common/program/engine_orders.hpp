@@ -1,8 +1,8 @@
 #pragma once
 
-#include "io/results.hpp"
+#include "io/results/results.hpp"
 #include "model/error.hpp"
-#include "physics/engine_exchange.hpp"
+#include "physics/shells/engine_exchange.hpp"
 #include "rt/cyclic.hpp"
 #include "wire/status.hpp"
 

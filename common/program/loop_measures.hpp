@@ -1,10 +1,10 @@
 #pragma once
 
-#include "io/history.hpp"
-#include "io/machine_share.hpp"
-#include "io/options.hpp"
-#include "io/results.hpp"
-#include "io/trace.hpp"
+#include "io/options/machine_share.hpp"
+#include "io/options/options.hpp"
+#include "io/records/history.hpp"
+#include "io/records/trace.hpp"
+#include "io/results/results.hpp"
 #include "rt/stages.hpp"
 #include "wire/status.hpp"
 

@@ -1,6 +1,6 @@
 #include "report/page.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "model/error.hpp"
 #include "report/look.hpp"
 

@@ -2,7 +2,7 @@
 
 #include "model/joined.hpp"
 #include "wire/backend.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 #include "wire/event_text.hpp"
 #include "wire/message_memory.hpp"
 #include "wire/observer.hpp"

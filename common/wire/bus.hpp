@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/error.hpp"
-#include "model/network.hpp"
+#include "model/settings/network.hpp"
 #include "wire/peer_program.hpp"
 #include "wire/topics.hpp"
 

@@ -1,6 +1,6 @@
 #include "wire/last_messages.hpp"
 
-#include "wire/cdr.hpp"
+#include "wire/codec/cdr.hpp"
 #include "wire/topics.hpp"
 
 #include <fmt/core.h>

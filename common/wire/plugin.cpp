@@ -1,6 +1,6 @@
 #include "wire/plugin.hpp"
 
-#include "model/network.hpp"
+#include "model/settings/network.hpp"
 
 #include <arpa/inet.h>
 #include <dlfcn.h>

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "model/agreed_settings.hpp"
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/settings/agreed_settings.hpp"
 #include "wire/bus.hpp"
 #include "wire/status.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/error.hpp"
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 #include "wire/bus.hpp"
 #include "wire/last_messages.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,7 +1,7 @@
 #include "device/device.hpp"
 
 #include "device_sim/drivers.hpp"
-#include "io/options.hpp"
+#include "io/options/options.hpp"
 #include "model/error.hpp"
 
 #include <fmt/core.h>

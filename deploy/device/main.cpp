@@ -1,6 +1,6 @@
 #include "device/device.hpp"
-#include "io/options.hpp"
-#include "io/output.hpp"
+#include "io/options/options.hpp"
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "tools.hpp"
 

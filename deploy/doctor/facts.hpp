@@ -1,7 +1,7 @@
 #pragma once
 
-#include "model/exchange.hpp"
-#include "model/network.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/settings/network.hpp"
 #include "watch/programs.hpp"
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 #include "doctor/checks.hpp"
 #include "model/joined.hpp"
-#include "model/nearest.hpp"
+#include "model/shapes/nearest.hpp"
 #include "rt/scheduling.hpp"
 
 #include <fmt/core.h>

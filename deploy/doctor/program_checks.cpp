@@ -1,6 +1,6 @@
 #include "doctor/checks.hpp"
 #include "model/joined.hpp"
-#include "model/settings.hpp"
+#include "model/settings/settings.hpp"
 #include "wire/session.hpp"
 
 #include <fmt/core.h>

@@ -1,5 +1,5 @@
 #include "doctor/facts.hpp"
-#include "io/options.hpp"
+#include "io/options/options.hpp"
 #include "model/error.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"

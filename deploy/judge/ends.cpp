@@ -1,6 +1,6 @@
 #include "judge/ends.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "judge/summary.hpp"
 
 #include <fmt/core.h>

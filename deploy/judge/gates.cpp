@@ -3,9 +3,8 @@
 #include "coupling/plan.hpp"
 #include "coupling/safety/oscillation.hpp"
 #include "coupling/schemes/scheme.hpp"
-#include "io/json.hpp"
-#include "judge/summary.hpp"
-#include "wire/topics.hpp"
+#include "io/results/json.hpp"
+#include "judge/causes.hpp"
 
 #include <fmt/core.h>
 
@@ -19,18 +18,6 @@ std::string grouped(std::uint64_t count) {
   std::string digits = std::to_string(count);
   for (std::size_t at = digits.size(); at > 3; at -= 3) digits.insert(at - 3, 1, ',');
   return digits;
-}
-
-std::string load_text(const RunResults& run) {
-  if (!run.load) return {};
-  return fmt::format("of {} cores the run used {:.2f}, other programs {:.2f}, the hypervisor {:.2f}", run.cores,
-                     run.load->own, run.load->other, run.load->stolen);
-}
-
-std::string calibration_text(const RunResults& run) {
-  if (!run.calibration) return {};
-  return fmt::format("bare loops on this machine: {} of {} wake-ups late", grouped(run.calibration->late),
-                     grouped(run.calibration->wake_ups));
 }
 
 namespace {
@@ -48,123 +35,14 @@ constexpr double kLeastEnergy_j = 0.005;
 constexpr double kUnexplainedRatio = 0.01;  ///< of the energy that users put in
 constexpr double kOscillationRatio = 0.05;  ///< of the device's force limit
 
-constexpr double kLongStep = 0.5;    ///< part of the cycle: a p99 below it slows no clock
-constexpr double kFullCores = 0.8;   ///< part of the cores; above it the programs of the run delay each other
-constexpr double kQuietCores = 0.1;  ///< cores that other programs and the hypervisor use on a quiet machine
-
-/// What a gate looks at: the run, and one of its users.
-struct View {
-  const RunResults& run;
-  std::size_t at = 0;  ///< of its results: one who took no part has none
-  std::size_t user = run.haptic[at].user;
-
-  [[nodiscard]] const Settings& settings() const { return run.scene.settings; }
-  [[nodiscard]] const HapticResult& haptic() const { return run.haptic[at]; }
-  [[nodiscard]] const DeviceResult& device() const { return run.device[at]; }
-  [[nodiscard]] const DeviceSpec& spec() const { return run.scene.users[user].device; }
-  /// Steps of the haptic loop, with the skipped ones.
-  [[nodiscard]] double periods() const {
-    return std::max(1.0, static_cast<double>(haptic().steps + haptic().skipped_steps));
-  }
-  [[nodiscard]] double of_steps(std::uint64_t count) const { return static_cast<double>(count) / periods(); }
-  [[nodiscard]] std::string name() const { return fmt::format("user {}: ", user); }
-};
-std::vector<View> users_of(const RunResults& run) {
-  std::vector<View> users;
+std::vector<UserView> users_of(const RunResults& run) {
+  std::vector<UserView> users;
   for (std::size_t at = 0; at < run.haptic.size(); ++at) users.push_back({run, at});
   return users;
 }
 
 /// Of a gate. The worst one stands for it.
 using Readings = std::vector<Gate>;
-
-/// Why the OS did not run a loop in time in `delayed` of its `steps`, by `lost_s` in all. Other loops of the run, more
-/// than the OS, are the cause where all of this holds:
-///  * nothing else uses the machine, as far as that was measured;
-///  * a bare loop was late less often;
-///  * the loop waited longer for a core than it lost, typical wake-ups not counted;
-///  * a program of the run could take that core: a rival of at least the loop's priority, or, for a loop without
-///    real-time priority on cores that the run fills, any.
-template <class Loop>
-Cause by_late_wake_ups(const char* who, const Loop& loop, std::uint64_t delayed, double steps, double lost_s,
-                       bool has_rivals, const RunResults& run) {
-  const auto brackets = [&](const std::string& first) {
-    const std::string load = load_text(run);
-    return first.empty() && load.empty()
-               ? ""
-               : fmt::format(" ({}{}{})", first, first.empty() || load.empty() ? "" : "; ", load);
-  };
-  const bool quiet = !run.load || run.load->other + run.load->stolen < kQuietCores;
-  const bool full = run.load && run.load->own > kFullCores * run.cores;
-  const double bare = run.calibration ? static_cast<double>(run.calibration->late) /
-                                            std::max(1.0, static_cast<double>(run.calibration->wake_ups))
-                                      : 0.0;
-  const MachineShare& machine = loop.machine;
-  if (quiet && static_cast<double>(delayed) > bare * steps && (has_rivals || (full && !machine.fifo)) &&
-      machine.run_queue_delay_s - steps * loop.woken_late_s.p50 > lost_s) {
-    return {Culprit::run,
-            fmt::format("the programs of the run compete for the cores{}; fewer users or members, more cores, a higher "
-                        "ratio, or a longer h_s",
-                        brackets(fmt::format("the {} was ready for {:.0f} ms without one", who,
-                                             1e3 * machine.run_queue_delay_s)))};
-  }
-  return {Culprit::os,
-          fmt::format("the OS woke the {} late or pre-empted it{}; run {}again when the machine is quiet", who,
-                      brackets(calibration_text(run)), machine.fifo ? "" : "with real-time rights, or ")};
-}
-
-/// Why a loop's own steps miss deadlines.
-Cause by_own_steps(const View& at) {
-  const HapticResult& haptic = at.haptic();
-  if (static_cast<double>(haptic.missed_waiting) > 0.5 * static_cast<double>(haptic.missed_by_run)) {
-    return {Culprit::run,
-            "steps slept or waited for a lock, most likely in the middleware; look for a slow network, or try the "
-            "other --dds"};
-  }
-  return {Culprit::run, fmt::format("steps take {:.2f} ms (p99 {:.2f} ms) of {:g} ms; a lower budget_ratio or a "
-                                    "smaller box_half_m, a faster preset or engine, or a longer h_s",
-                                    1e3 * haptic.step_s.p50, 1e3 * haptic.step_s.p99, 1e3 * at.settings().h_s)};
-}
-
-Cause by_slow_cycles(const RunResults& run) {
-  const WorldResult& world = run.world;
-  const double cycle_s = run.scene.settings.h_s * world.ratio.mean();
-  const bool steps_are_long = world.step_s.p99 > kLongStep * cycle_s;
-  if (world.late_by_run > world.late_by_os || (steps_are_long && world.late_by_os == 0)) {
-    const std::string times =
-        fmt::format("p99 {:.2f} ms) of cycles of {:.3g} ms", 1e3 * world.step_s.p99, 1e3 * cycle_s);
-    return {Culprit::run,
-            steps_are_long
-                ? fmt::format("the world's step takes {:.2f} ms ({}; a higher ratio, fewer bodies, or a faster preset "
-                              "or engine",
-                              1e3 * world.step_s.p50, times)
-                : fmt::format("{} of {} cycles were too long, the longest {:.2f} ms; the others fit ({}; --trace FILE "
-                              "shows what they did",
-                              grouped(world.late_by_run), grouped(world.cycles), 1e3 * world.step_s.max, times)};
-  }
-  if (world.late_by_os == 0) return {Culprit::os, ""};  // no cycle was late: nothing to cure
-  return by_late_wake_ups("world", world, world.late_by_os, static_cast<double>(world.cycles),
-                          static_cast<double>(world.late_by_os) * cycle_s, run.placement.world.empty(), run);
-}
-
-/// Why frames of the world did not reach a sub-world. In real time its reader holds a few frames, so one that was
-/// halted for longer loses the others.
-Cause by_loss(const View& at) {
-  const double halted_s = static_cast<double>(at.haptic().skipped_steps) * at.settings().h_s;
-  const double history_s = static_cast<double>(kTopicOf<WorldFrame>.depth) * at.settings().h_s * at.settings().ratio;
-  if (at.run.between_hosts && halted_s < history_s)
-    return {Culprit::network,
-            "frames of the world were lost on the network; look for loss and delay with `subworld lab network`"};
-  return {Culprit::run,
-          "frames of the world were lost on the way; the sub-world was halted, or the network is too slow"};
-}
-
-/// What makes the coupling of a user stable again.
-std::string coupling_cure(const View& at) {
-  return fmt::format("{}, less delay or a smaller --ratio{}",
-                     at.spec().kind == DeviceKind::admittance ? "a heavier proxy" : "a lower coupling stiffness_n_m",
-                     enabled(at.run.scene, Optimisation::energy_bound, at.user) ? ", or --passivity on" : "");
-}
 
 double work_j(const HapticResult& haptic) { return std::abs(haptic.device_work_j); }
 
@@ -205,7 +83,7 @@ Readings foreign_writers(const RunResults& run) {
   const WorldRefused& world = run.world.refused;
   add("", "scene", "world_sim", world.scene, world.by);
   add("", "haptic_report", "haptic_sim", world.haptic_report, world.by);
-  for (const View& at : users_of(run)) {
+  for (const UserView& at : users_of(run)) {
     const HapticRefused& haptic = at.haptic().refused;
     add(at.name(), "world_frame", "world_sim", haptic.world_frame, haptic.by);
     add(at.name(), "device_state", "device_sim", haptic.device_state, haptic.by);
@@ -232,7 +110,7 @@ Readings messages(const RunResults& run) {
                        {Culprit::run,
                         "the world did not get these users' pushes: reports came more than 16 cycles late, between "
                         "hosts more than 0.5 s; look for a slow network, or for a sub-world that was halted"})};
-  for (const View& at : users_of(run)) {
+  for (const UserView& at : users_of(run)) {
     all.push_back(reading(at.name() + "lost frames", kCount, at.haptic().lost_frames, 0.0, by_loss(at)));
     if (run.realtime() && run.between_hosts)
       all.push_back(reading(at.name() + "late reports", kOfReports, at.haptic().late_reports_ratio, kLateReportsRatio,
@@ -246,7 +124,7 @@ Readings messages(const RunResults& run) {
 /// Energy that no operator has put in, at each and at all together.
 Readings operators_energy(const RunResults& run) {
   Readings all;
-  for (const View& at : users_of(run)) {
+  for (const UserView& at : users_of(run)) {
     all.push_back(reading(at.name() + "created energy at the operator", kJoule, at.device().operator_energy.created_j,
                           most_created_j(run, work_j(at.haptic())),
                           {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}));
@@ -269,7 +147,7 @@ Readings recording(const RunResults& run) {
 }
 
 /// An admittance device that its proxy leaves behind: the coupling no longer holds the proxy.
-Readings distance(const View& at) {
+Readings distance(const UserView& at) {
   constexpr double kFree_m = 0.1, kRounds = 2.0;
   if (at.spec().kind != DeviceKind::admittance) return {};
   const DelaySettings& d = at.settings().delay;
@@ -282,14 +160,14 @@ Readings distance(const View& at) {
                                                   at.spec().speed_limit_m_s, coupling_cure(at))})};
 }
 
-Readings jumps(const View& at) {
+Readings jumps(const UserView& at) {
   return {reading("device faster than an operator moves", kOfSteps, at.of_steps(at.haptic().device_jumps), 0.0,
                   {Culprit::run,
                    "the force was off in these steps, and ramped afterwards: no operator moves a device at more than "
                    "10 m/s; slow the path of the scene, or examine the device's sensors"})};
 }
 
-Readings oscillation(const View& at) {
+Readings oscillation(const UserView& at) {
   constexpr double kLeast_s = OscillationWatch::kBlock_s * (1.0 + OscillationWatch::kLasting);
   std::string name = "oscillation of the force";
   if (at.run.simulated_s < kLeast_s)
@@ -301,12 +179,12 @@ Readings oscillation(const View& at) {
 }
 
 /// Steps that miss their deadline, or start late: woken late, or after a step that ended late.
-Readings loop(const View& at) {
+Readings loop(const UserView& at) {
   if (!at.run.realtime()) return {};
   const HapticResult& haptic = at.haptic();
   const Cause own = by_own_steps(at);
   const Cause os =
-      by_late_wake_ups("loop", haptic, haptic.missed_by_os, at.periods(),
+      by_late_wake_ups("loop", haptic.machine, haptic.woken_late_s.p50, haptic.missed_by_os, at.periods(),
                        static_cast<double>(haptic.missed_by_os) * at.settings().h_s, at.run.haptic.size() > 1, at.run);
   const bool woken_late = haptic.woken_late_s.p99 > kLatenessP99_s || haptic.missed_by_os > haptic.missed_by_run;
   return {reading("missed by the run", kOfSteps, at.of_steps(haptic.missed_by_run), kMissedRatio, own),
@@ -314,7 +192,7 @@ Readings loop(const View& at) {
           reading(kMissedByTheOs, kOfSteps, at.of_steps(haptic.missed_by_os), kMissedRatio, os)};
 }
 
-Readings limit(const View& at) {
+Readings limit(const UserView& at) {
   return {reading("at the device's limit", kOfSteps, at.haptic().at_limit_ratio, kAtLimitRatio,
                   {Culprit::scene,
                    "the operator feels the limit, not the scene; move the device less far into bodies, lower the "
@@ -381,7 +259,7 @@ void to_json(Json& json, const Gate& gate) {
 std::vector<Gate> gates(const RunResults& run) {
   std::vector<Gate> all;
   for (const auto measure : kGatesOfRun) judge(measure(run), "", all);
-  for (const View& at : users_of(run)) {
+  for (const UserView& at : users_of(run)) {
     for (const auto measure : kGatesOfUser) judge(measure(at), at.name(), all);
   }
   judge(world_clock(run), "", all);

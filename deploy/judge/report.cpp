@@ -1,8 +1,8 @@
 #include "judge/report.hpp"
 
 #include "io/ending.hpp"
-#include "io/json.hpp"
-#include "io/output.hpp"
+#include "io/results/json.hpp"
+#include "io/results/output.hpp"
 #include "judge/ends.hpp"
 #include "judge/explain.hpp"
 #include "judge/gates.hpp"

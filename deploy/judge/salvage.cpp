@@ -1,7 +1,7 @@
 #include "judge/salvage.hpp"
 
-#include "io/history_reader.hpp"
-#include "io/json.hpp"
+#include "io/records/history_reader.hpp"
+#include "io/results/json.hpp"
 #include "judge/summary.hpp"
 #include "model/error.hpp"
 #include "rt/histogram.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/results.hpp"
+#include "io/results/results.hpp"
 
 #include <string>
 

@@ -1,10 +1,10 @@
 #include "judge/summary.hpp"
 
 #include "coupling/plan.hpp"
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "io/version.hpp"
 #include "judge/gates.hpp"
-#include "model/settings.hpp"
+#include "model/settings/settings.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/core.h>

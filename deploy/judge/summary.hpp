@@ -1,9 +1,9 @@
 #pragma once
 
-#include "io/json.hpp"
-#include "io/program_results.hpp"
+#include "io/results/json.hpp"
+#include "io/results/program_results.hpp"
 #include "judge/gates.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 #include "record/recording.hpp"
 #include "rt/calibration.hpp"
 #include "rt/kernel_share.hpp"

@@ -2,7 +2,7 @@
 
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "model/nearest.hpp"
+#include "model/shapes/nearest.hpp"
 
 #include <fmt/core.h>
 

@@ -2,8 +2,8 @@
 
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "model/mass_properties.hpp"
-#include "model/shape_extent.hpp"
+#include "model/shapes/mass_properties.hpp"
+#include "model/shapes/shape_extent.hpp"
 #include "physics/plugin.hpp"
 
 #include <fmt/core.h>

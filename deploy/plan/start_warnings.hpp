@@ -1,6 +1,6 @@
 #pragma once
 
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <string>
 #include <vector>

@@ -1,10 +1,10 @@
 #pragma once
 
-#include "io/mcap_reader.hpp"
-#include "model/exchange.hpp"
+#include "io/records/mcap_reader.hpp"
+#include "model/messages/exchange.hpp"
 #include "rt/cyclic.hpp"
 #include "wire/bus.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 #include "wire/observer.hpp"
 
 #include <cstdint>

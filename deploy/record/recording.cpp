@@ -1,11 +1,11 @@
 #include "record/recording.hpp"
 
-#include "io/json.hpp"
-#include "io/mcap_reader.hpp"
+#include "io/records/mcap_reader.hpp"
+#include "io/results/json.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/wall_clock.hpp"
-#include "wire/schema.hpp"
+#include "wire/codec/schema.hpp"
 #include "wire/topics.hpp"
 
 #include <fmt/core.h>

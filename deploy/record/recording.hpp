@@ -1,8 +1,8 @@
 #pragma once
 
-#include "io/mcap_writer.hpp"
-#include "io/results.hpp"
-#include "model/scene.hpp"
+#include "io/records/mcap_writer.hpp"
+#include "io/results/results.hpp"
+#include "model/scene/scene.hpp"
 #include "wire/message_memory.hpp"
 
 #include <atomic>

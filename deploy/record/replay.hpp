@@ -1,7 +1,7 @@
 #pragma once
 
-#include "io/live_options.hpp"
-#include "model/network.hpp"
+#include "io/options/live_options.hpp"
+#include "model/settings/network.hpp"
 
 #include <string>
 

@@ -1,5 +1,5 @@
-#include "io/history_reader.hpp"
-#include "io/json.hpp"
+#include "io/records/history_reader.hpp"
+#include "io/results/json.hpp"
 #include "results/envelope.hpp"
 #include "results/run_report.hpp"
 

@@ -1,6 +1,6 @@
 #include "results/run_report.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "io/version.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"

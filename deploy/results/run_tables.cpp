@@ -1,4 +1,4 @@
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "results/run_report.hpp"
 
 #include <fmt/core.h>

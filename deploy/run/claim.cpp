@@ -1,7 +1,7 @@
 #include "run/claim.hpp"
 
-#include "io/json.hpp"
-#include "io/output.hpp"
+#include "io/results/json.hpp"
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 
 #include <fcntl.h>

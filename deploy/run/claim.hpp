@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/options.hpp"
+#include "io/options/options.hpp"
 
 #include <string>
 

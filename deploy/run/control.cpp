@@ -2,7 +2,7 @@
 
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "physics/engine_exchange.hpp"
+#include "physics/shells/engine_exchange.hpp"
 #include "rt/cyclic.hpp"
 #include "wire/bus.hpp"
 #include "wire/session.hpp"

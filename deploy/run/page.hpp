@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/live_options.hpp"
+#include "io/options/live_options.hpp"
 
 #include <string>
 

@@ -1,6 +1,6 @@
 #include "run/placement.hpp"
 
-#include "io/options.hpp"
+#include "io/options/options.hpp"
 #include "model/joined.hpp"
 #include "rt/scheduling.hpp"
 

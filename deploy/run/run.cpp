@@ -1,6 +1,6 @@
 #include "run/run.hpp"
 
-#include "io/trace.hpp"
+#include "io/records/trace.hpp"
 #include "judge/ends.hpp"
 #include "judge/report.hpp"
 #include "link/network.hpp"

@@ -1,6 +1,6 @@
 #include "session/collect.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "judge/report.hpp"
 #include "model/error.hpp"
 #include "run/claim.hpp"

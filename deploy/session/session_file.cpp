@@ -1,10 +1,10 @@
 #include "session/session_file.hpp"
 
-#include "io/scene_name.hpp"
+#include "io/options/scene_name.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "model/nearest.hpp"
-#include "model/yaml_reader.hpp"
+#include "model/scene/yaml_reader.hpp"
+#include "model/shapes/nearest.hpp"
 
 #include <fmt/core.h>
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "io/options.hpp"
-#include "model/scene.hpp"
+#include "io/options/options.hpp"
+#include "model/scene/scene.hpp"
 #include "run/run.hpp"
 
 #include <string>

@@ -1,5 +1,5 @@
-#include "io/options.hpp"
-#include "io/output.hpp"
+#include "io/options/options.hpp"
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "tools.hpp"
 #include "watch/top.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "model/network.hpp"
+#include "model/settings/network.hpp"
 
 #include <sys/types.h>
 

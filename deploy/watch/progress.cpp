@@ -1,6 +1,6 @@
 #include "watch/progress.hpp"
 
-#include "io/live_options.hpp"
+#include "io/options/live_options.hpp"
 #include "model/joined.hpp"
 #include "wire/session.hpp"
 

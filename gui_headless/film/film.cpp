@@ -1,10 +1,10 @@
-#include "io/mcap_reader.hpp"
-#include "io/options.hpp"
-#include "io/results.hpp"
+#include "io/options/options.hpp"
+#include "io/records/mcap_reader.hpp"
+#include "io/results/results.hpp"
 #include "model/error.hpp"
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 #include "picture.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 
 #include <fmt/core.h>
 #include <spawn.h>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "wire/bus.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 
 #include <chrono>
 #include <cstdint>

@@ -1,6 +1,6 @@
 #include "protocol.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "io/version.hpp"
 
 #include <fmt/core.h>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 #include "wire/bus.hpp"
 
 #include <cstdint>

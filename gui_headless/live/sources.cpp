@@ -1,9 +1,9 @@
 #include "sources.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "scene_update.hpp"
 #include "tools.hpp"
-#include "wire/schema.hpp"
+#include "wire/codec/schema.hpp"
 #include "world_view.hpp"
 #include "written.hpp"
 

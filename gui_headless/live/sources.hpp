@@ -1,8 +1,8 @@
 #pragma once
 
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 #include "outbox.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 #include "wire/observer.hpp"
 #include "wire/peer_program.hpp"
 #include "world_view.hpp"

@@ -1,6 +1,6 @@
 #include "world_view.hpp"
 
-#include "wire/schema.hpp"
+#include "wire/codec/schema.hpp"
 
 #include <cstring>
 #include <string_view>

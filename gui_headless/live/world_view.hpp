@@ -1,7 +1,7 @@
 #pragma once
 
-#include "model/exchange.hpp"
-#include "wire/codec.hpp"
+#include "model/messages/exchange.hpp"
+#include "wire/codec/codec.hpp"
 
 #include <cstddef>
 #include <cstdint>

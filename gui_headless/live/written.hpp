@@ -1,6 +1,6 @@
 #pragma once
 
-#include "wire/cdr.hpp"
+#include "wire/codec/cdr.hpp"
 
 #include <cstdint>
 #include <vector>

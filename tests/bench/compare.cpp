@@ -1,6 +1,6 @@
-#include "io/command_line.hpp"
-#include "io/json.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/tables.hpp"
 #include "model/error.hpp"
 

@@ -1,7 +1,7 @@
 #include "bench/dense_heap.hpp"
 
-#include "model/mass_properties.hpp"
-#include "model/scene_layout.hpp"
+#include "model/scene/scene_layout.hpp"
+#include "model/shapes/mass_properties.hpp"
 
 #include <cmath>
 

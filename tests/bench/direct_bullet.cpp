@@ -1,8 +1,8 @@
 #include "bench/direct_bullet.hpp"
 
-#include "common/physics/bullet/box_box.hpp"
-#include "common/physics/bullet/box_plane.hpp"
-#include "common/physics/bullet/convex_contacts.hpp"
+#include "common/physics/bullet/contacts/box_box.hpp"
+#include "common/physics/bullet/contacts/box_plane.hpp"
+#include "common/physics/bullet/contacts/convex_contacts.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/physics/bullet/contact_solver.hpp"
 #include "common/physics/bullet/shapes.hpp"
+#include "common/physics/bullet/solver/contact_solver.hpp"
 #include "model/body.hpp"
 
 #include <btBulletDynamicsCommon.h>

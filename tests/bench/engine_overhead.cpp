@@ -3,9 +3,9 @@
 // from the same settled states; CPU time of this thread.
 #include "bench/dense_heap.hpp"
 #include "bench/direct_bullet.hpp"
-#include "io/command_line.hpp"
-#include "io/json.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
+#include "io/results/json.hpp"
 #include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"

@@ -4,13 +4,13 @@
 
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/sub_world.hpp"
-#include "io/command_line.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
 #include "model/error.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/histogram.hpp"
 #include "wire/bus.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 #include "wire/plugin.hpp"
 #include "world_sim/world.hpp"
 

@@ -2,8 +2,8 @@
 // contacts, adding up contacts, and the friction estimate.
 
 #include "bench/dense_heap.hpp"
-#include "io/command_line.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
 

@@ -3,11 +3,11 @@
 // An earlier build: copy its libsubworld_engine_bullet.so to before/libsubworld_engine_before.so, then
 //   SUBWORLD_ENGINES=before bench_step_ratio bullet before
 #include "bench/dense_heap.hpp"
-#include "io/command_line.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
 #include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"
-#include "model/mass_properties.hpp"
+#include "model/shapes/mass_properties.hpp"
 #include "physics/engine.hpp"
 
 #include <fmt/core.h>

@@ -1,8 +1,8 @@
 // What users cost: a cycle of the world beside users who touch nothing that others touch, and a haptic step with
 // another user's proxy in the sub-world. Runs take turns cycle by cycle, so that their ratios hold on a shared machine.
 
-#include "io/command_line.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
 #include "lab/session/coupled_run.hpp"
 
 #include <fmt/core.h>

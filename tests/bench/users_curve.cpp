@@ -1,8 +1,8 @@
 // The table of tests/bench/users_curve, from the summaries of its runs.
 
-#include "io/command_line.hpp"
-#include "io/json.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/tables.hpp"
 #include "model/error.hpp"
 

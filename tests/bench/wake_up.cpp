@@ -2,9 +2,9 @@
 // core. The variants alternate in short blocks, so that other load on the machine affects all of them. Prints CSV with
 // the machine, and each variant's p99 as a ratio to the first one's.
 
-#include "io/command_line.hpp"
-#include "io/json.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
+#include "io/results/json.hpp"
 #include "rt/cyclic.hpp"
 #include "rt/histogram.hpp"
 #include "rt/scheduling.hpp"

@@ -1,8 +1,8 @@
 // Cost per cycle of resting cubes far from the operator: `row` beside fields of them, with the optimisation `rest` on
 // and off, alternating cycle by cycle, in one run.
 
-#include "io/command_line.hpp"
-#include "io/options.hpp"
+#include "io/options/command_line.hpp"
+#include "io/options/options.hpp"
 #include "lab/session/coupled_run.hpp"
 
 #include <fmt/core.h>

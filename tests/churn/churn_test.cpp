@@ -1,6 +1,6 @@
 // Programs of one run die and are halted at random, and come back; between hosts, cables are pulled too. Nobody else is
 // affected, and nothing is lost. Longer, or with other seeds: SUBWORLD_CHURN_FAULTS and SUBWORLD_CHURN_SEED.
-#include "process/sessions.hpp"
+#include "process/sessions/sessions.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>

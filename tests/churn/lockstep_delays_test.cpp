@@ -1,6 +1,6 @@
 // Short runs in lock-step whose programs are delayed at random: they start, join, leave and end, and have the same
 // result. More of them, or with other seeds: SUBWORLD_DELAY_RUNS and SUBWORLD_DELAY_SEED.
-#include "process/sessions.hpp"
+#include "process/sessions/sessions.hpp"
 
 #include <fmt/core.h>
 

@@ -1,5 +1,5 @@
 // The network between the hosts of a session is down for a while: the users return, and no energy is created.
-#include "process/sessions.hpp"
+#include "process/sessions/sessions.hpp"
 
 #include <fmt/core.h>
 

@@ -1,7 +1,7 @@
 // The reader of checkpoints, with files of any bytes behind a right length and checksum. It accepts a file, which is
 // then written again as the same bytes, or names the file and what is wrong with it.
 #include "model/error.hpp"
-#include "world_sim/checkpoint.hpp"
+#include "world_sim/checkpoint/checkpoint.hpp"
 
 #include <cstddef>
 #include <cstdint>

@@ -2,7 +2,7 @@
 // being sent on: encoded and decoded again it is the same, bit by bit.
 #include "fuzz/codec_input.hpp"
 #include "support/wire_samples.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -1,7 +1,7 @@
 // Writes genuine messages of all topics into a folder, as a start for the codec's fuzzing: codec_seeds DIR
 #include "fuzz/codec_input.hpp"
 #include "support/wire_samples.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 
 #include <cstdio>
 #include <fstream>

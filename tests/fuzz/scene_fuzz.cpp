@@ -1,6 +1,6 @@
 // The reader of scenes, with files of any text. It accepts a file, or names its place and what is wrong there.
 #include "model/error.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <sys/mman.h>
 #include <unistd.h>

@@ -2,7 +2,7 @@
 #include "support/wire_pairs.hpp"
 #include "support/wire_samples.hpp"
 #include "wire/bus.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 #include "wire/plugin.hpp"
 
 #include <gtest/gtest.h>

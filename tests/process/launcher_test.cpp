@@ -1,5 +1,5 @@
 // What remains where the launcher is killed.
-#include "process/ends.hpp"
+#include "process/faults/ends.hpp"
 
 namespace subworld::test {
 namespace {

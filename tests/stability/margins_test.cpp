@@ -1,5 +1,5 @@
 // The short form of `subworld lab stability` over all engines: rows that passed before still pass.
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/stability/plan.hpp"
 #include "lab/stability/run.hpp"
 #include "physics/engine.hpp"

@@ -1,7 +1,7 @@
 // The structures that stand in each engine with its preset `quality`, at the step of a picture (paper 3.2).
 
 #include "lab/session/cpu_time.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 #include "physics/engine.hpp"
 
 #include <fmt/core.h>

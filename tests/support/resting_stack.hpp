@@ -1,6 +1,6 @@
 #pragma once
 
-#include "physics/resting_engine.hpp"
+#include "physics/shells/resting_engine.hpp"
 #include "support/bodies.hpp"
 #include "support/engines.hpp"
 

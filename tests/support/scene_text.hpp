@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/error.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <string>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "coupling/messages/timetable.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <algorithm>
 #include <cstdint>

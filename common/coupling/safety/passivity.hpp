@@ -1,7 +1,7 @@
 #pragma once
 
 #include "coupling/safety/energy_port.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 namespace subworld {
 

@@ -5,7 +5,7 @@
 #include "coupling/schemes/reduced/reduced.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "model/nearest.hpp"
+#include "model/shapes/nearest.hpp"
 
 #include <fmt/core.h>
 

@@ -3,8 +3,8 @@
 #include "coupling/schemes/sub_world_side.hpp"
 #include "coupling/schemes/world_side.hpp"
 #include "coupling/sync/authority.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cmath>
 #include <cstdint>

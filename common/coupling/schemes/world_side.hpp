@@ -4,9 +4,9 @@
 #include "coupling/select/contact_graph.hpp"
 #include "coupling/select/selection.hpp"
 #include "coupling/tool/virtual_coupling.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
-#include "physics/resting_engine.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
+#include "physics/shells/resting_engine.hpp"
 
 #include <cstdint>
 #include <functional>

@@ -2,7 +2,7 @@
 
 #include "coupling/select/selection.hpp"
 #include "model/contact.hpp"
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 
 #include <span>
 #include <vector>

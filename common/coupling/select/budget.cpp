@@ -1,6 +1,6 @@
 #include "coupling/select/budget.hpp"
 
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 #include "coupling/select/contact_graph.hpp"
 #include "coupling/select/peers.hpp"
 #include "model/body.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 #include "model/step_cost.hpp"
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 #include "coupling/select/peers.hpp"
 
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 
 #include <algorithm>
 

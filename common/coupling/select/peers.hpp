@@ -2,7 +2,7 @@
 
 #include "coupling/select/contact_graph.hpp"
 #include "model/disjoint_sets.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cstddef>
 #include <cstdint>

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "coupling/select/contact_graph.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cstdint>
 #include <functional>

@@ -1,6 +1,6 @@
 #include "coupling/sync/gradual_shifts.hpp"
 
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 
 #include <algorithm>
 #include <utility>

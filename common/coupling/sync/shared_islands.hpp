@@ -2,8 +2,8 @@
 
 #include "model/contact.hpp"
 #include "model/disjoint_sets.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cstdint>
 #include <span>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "coupling/tool/virtual_coupling.hpp"
-#include "model/exchange.hpp"
+#include "model/messages/exchange.hpp"
 
 namespace subworld {
 

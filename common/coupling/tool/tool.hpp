@@ -1,7 +1,7 @@
 #pragma once
 
 #include "model/body.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <algorithm>
 #include <optional>

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "model/body.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 namespace subworld {
 

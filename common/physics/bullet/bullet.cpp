@@ -1,11 +1,11 @@
-#include "box_box.hpp"
-#include "box_plane.hpp"
-#include "contact_solver.hpp"
-#include "convex_contacts.hpp"
 #include "physics/adapter.hpp"
+#include "physics/bullet/contacts/box_box.hpp"
+#include "physics/bullet/contacts/box_plane.hpp"
+#include "physics/bullet/contacts/convex_contacts.hpp"
+#include "physics/bullet/shapes.hpp"
+#include "physics/bullet/small_steps.hpp"
+#include "physics/bullet/solver/contact_solver.hpp"
 #include "physics/gyroscope.hpp"
-#include "shapes.hpp"
-#include "small_steps.hpp"
 
 #include <algorithm>
 #include <cmath>

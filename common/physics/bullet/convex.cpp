@@ -1,6 +1,6 @@
-#include "convex.hpp"
+#include "physics/bullet/convex.hpp"
 
-#include "model/mass_properties.hpp"
+#include "model/shapes/mass_properties.hpp"
 
 #include <Eigen/Geometry>
 

@@ -1,4 +1,4 @@
-#include "movers.hpp"
+#include "physics/bullet/movers.hpp"
 
 namespace subworld::bullet {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "contact_rows.hpp"
+#include "physics/bullet/solver/contact_rows.hpp"
 
 #include <btBulletDynamicsCommon.h>
 

@@ -1,4 +1,4 @@
-#include "shapes.hpp"
+#include "physics/bullet/shapes.hpp"
 
 #include "model/error.hpp"
 #include "physics/adapter.hpp"

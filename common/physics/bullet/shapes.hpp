@@ -1,7 +1,7 @@
 #pragma once
 
-#include "convex.hpp"
 #include "model/body.hpp"
+#include "physics/bullet/convex.hpp"
 
 #include <btBulletDynamicsCommon.h>
 

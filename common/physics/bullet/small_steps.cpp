@@ -1,4 +1,4 @@
-#include "small_steps.hpp"
+#include "physics/bullet/small_steps.hpp"
 
 #include <LinearMath/btTransformUtil.h>
 

@@ -1,9 +1,9 @@
 #pragma once
 
-#include "contact_points.hpp"
-#include "contact_rows.hpp"
-#include "group_solver.hpp"
-#include "left_contacts.hpp"
+#include "physics/bullet/contacts/contact_points.hpp"
+#include "physics/bullet/contacts/left_contacts.hpp"
+#include "physics/bullet/solver/contact_rows.hpp"
+#include "physics/bullet/solver/group_solver.hpp"
 
 #include <btBulletDynamicsCommon.h>
 

@@ -1,6 +1,6 @@
-#include "sweep.hpp"
+#include "physics/bullet/sweep.hpp"
 
-#include "shapes.hpp"
+#include "physics/bullet/shapes.hpp"
 
 #include <Eigen/Geometry>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "patch.hpp"
+#include "physics/bullet/contacts/patch.hpp"
 
 #include <BulletCollision/CollisionDispatch/btCollisionObject.h>
 

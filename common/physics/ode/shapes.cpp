@@ -1,7 +1,7 @@
 #include "shapes.hpp"
 
 #include "model/error.hpp"
-#include "model/mass_properties.hpp"
+#include "model/shapes/mass_properties.hpp"
 #include "model/vectors.hpp"
 #include "physics/adapter.hpp"
 

@@ -1,4 +1,4 @@
-#include "model/shape_extent.hpp"
+#include "model/shapes/shape_extent.hpp"
 #include "physics/wasm/module_engine.hpp"
 #include "rapier_module.hpp"
 

@@ -46,7 +46,7 @@ export class Connection {
     this.subscribe();
   }
 
-  /** A pose of the tool of a user (touch.ts). */
+  /** A pose of the tool of a user (touch/touch.ts). */
   moveTool(user: number, cdr: Uint8Array): boolean {
     if (this.socket?.readyState !== WebSocket.OPEN || !this.number) return false;
     if (!this.offered.has(user)) this.socket.send(JSON.stringify({ op: "advertise", channels: [tool(user)] }));

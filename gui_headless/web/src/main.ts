@@ -9,7 +9,7 @@ import { Programs } from "./programs";
 import { Replay } from "./replay";
 import { followTheme, userColour } from "./theme";
 import { ToolBar } from "./tool_bar";
-import { Touch } from "./touch";
+import { Touch } from "./touch/touch";
 import { View } from "./view";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;

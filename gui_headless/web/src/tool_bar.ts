@@ -1,11 +1,11 @@
 // The bar with the tools that this page can hold, and the force on the one that it holds.
-import { Deflections } from "./deflection";
+import { Deflections } from "./touch/deflection";
 import { length } from "./model";
-import { Pad } from "./pad";
+import { Pad } from "./touch/pad";
 import { Sound } from "./sound";
-import { SpaceMouse } from "./space_mouse";
-import { forceColour, Spring } from "./spring";
-import type { Touch } from "./touch";
+import { SpaceMouse } from "./touch/space_mouse";
+import { forceColour, Spring } from "./touch/spring";
+import type { Touch } from "./touch/touch";
 import { userColour } from "./theme";
 import type { View } from "./view";
 import * as THREE from "three";

@@ -1,6 +1,6 @@
 #include "lab/coupling/measure.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/coupling/mutual.hpp"
 #include "rt/stop.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/balance.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/session/coupled_run.hpp"

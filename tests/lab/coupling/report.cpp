@@ -1,5 +1,5 @@
 #include "lab/coupling/report.hpp"
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "report/page.hpp"
 
 #include <fmt/core.h>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/coupling/measure.hpp"
 #include "report/plots.hpp"

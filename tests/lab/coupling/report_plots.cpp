@@ -1,4 +1,4 @@
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/report.hpp"
 #include "model/slips.hpp"
 

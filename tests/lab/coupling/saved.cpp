@@ -1,7 +1,7 @@
 #include "lab/coupling/saved.hpp"
 
-#include "io/history_reader.hpp"
-#include "io/json.hpp"
+#include "io/records/history_reader.hpp"
+#include "io/results/json.hpp"
 
 #include <fmt/core.h>
 

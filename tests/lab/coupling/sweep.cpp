@@ -1,7 +1,7 @@
 #include "lab/coupling/sweep.hpp"
 
 #include "coupling/schemes/scheme.hpp"
-#include "io/options.hpp"
+#include "io/options/options.hpp"
 #include "lab/session/variants.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"

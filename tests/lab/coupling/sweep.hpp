@@ -1,6 +1,6 @@
 #pragma once
 
-#include "model/settings.hpp"
+#include "model/settings/settings.hpp"
 
 #include <optional>
 #include <span>

@@ -1,10 +1,10 @@
 #include "lab/engines/body_costs.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/engines/run.hpp"
 #include "model/error.hpp"
-#include "model/mass_properties.hpp"
-#include "model/scene_layout.hpp"
+#include "model/scene/scene_layout.hpp"
+#include "model/shapes/mass_properties.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/core.h>

@@ -1,6 +1,6 @@
 #include "lab/engines/grades.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/engines/body_costs.hpp"
 
 #include <fmt/core.h>

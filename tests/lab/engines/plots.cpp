@@ -1,4 +1,4 @@
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/engines/report.hpp"
 #include "lab/engines/sweep.hpp"
 

@@ -1,6 +1,6 @@
 #include "lab/engines/progress.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/engines/sweep.hpp"
 #include "lab/page/command_line.hpp"
 

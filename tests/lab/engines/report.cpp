@@ -1,6 +1,6 @@
 #include "lab/engines/report.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/engines/sweep.hpp"
 
 #include <fmt/core.h>

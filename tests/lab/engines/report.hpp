@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/engines/body_costs.hpp"
 #include "lab/engines/grades.hpp"
 #include "report/page.hpp"

@@ -1,6 +1,6 @@
 #include "lab/engines/run.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"

@@ -1,5 +1,5 @@
-#include "io/history_reader.hpp"
-#include "io/json.hpp"
+#include "io/records/history_reader.hpp"
+#include "io/results/json.hpp"
 #include "lab/engines/report.hpp"
 #include "lab/engines/run.hpp"
 

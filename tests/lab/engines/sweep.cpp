@@ -1,6 +1,6 @@
 #include "lab/engines/sweep.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "model/error.hpp"
 
 #include <fmt/core.h>

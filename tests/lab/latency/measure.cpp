@@ -1,7 +1,7 @@
 #include "lab/latency/measure.hpp"
 
 #include "coupling/tool/stiffness.hpp"
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/over_link/over_link.hpp"
 #include "lab/session/draw.hpp"

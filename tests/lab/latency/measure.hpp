@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/measure.hpp"
 #include "lab/latency/limit.hpp"
 #include "lab/latency/search.hpp"

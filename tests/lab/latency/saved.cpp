@@ -1,4 +1,4 @@
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/latency/report.hpp"
 #include "model/error.hpp"
 

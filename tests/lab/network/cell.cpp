@@ -1,6 +1,6 @@
 #include "lab/network/cell.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "link/settings.hpp"
 
 #include <fmt/core.h>

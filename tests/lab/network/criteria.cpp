@@ -1,6 +1,6 @@
 #include "lab/network/criteria.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
 

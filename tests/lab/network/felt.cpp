@@ -1,7 +1,7 @@
 #include "lab/network/felt.hpp"
 
-#include "io/json.hpp"
-#include "io/scene_name.hpp"
+#include "io/options/scene_name.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/network/criteria.hpp"
 #include "lab/network/report.hpp"

@@ -1,6 +1,6 @@
 #include "lab/network/report.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/network/ddsperf.hpp"
 
 #include <fmt/core.h>

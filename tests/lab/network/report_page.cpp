@@ -1,4 +1,4 @@
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/network/report.hpp"
 
 #include "lab/coupling/analysis.hpp"

@@ -1,6 +1,6 @@
 #include "lab/network/run.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/network/ddsperf.hpp"
 #include "lab/network/report.hpp"
 #include "lab/network/udp.hpp"

@@ -1,6 +1,6 @@
 #include "lab/network/statistics.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "lab/over_link/over_link.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/over_link/run_program.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"

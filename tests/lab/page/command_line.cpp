@@ -1,8 +1,8 @@
 #include "lab/page/command_line.hpp"
 
-#include "io/json.hpp"
-#include "io/output.hpp"
-#include "io/scene_name.hpp"
+#include "io/options/scene_name.hpp"
+#include "io/results/json.hpp"
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "report/page.hpp"
 #include "rt/stop.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/command_line.hpp"
+#include "io/options/command_line.hpp"
 #include "lab/page/tables.hpp"
 
 #include <chrono>

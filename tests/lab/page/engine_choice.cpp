@@ -1,6 +1,6 @@
 #include "lab/page/engine_choice.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "model/error.hpp"
 #include "physics/plugin.hpp"
 

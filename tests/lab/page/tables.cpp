@@ -1,6 +1,6 @@
 #include "lab/page/tables.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "model/error.hpp"
 
 #include <fmt/core.h>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 
 #include <string>
 #include <vector>

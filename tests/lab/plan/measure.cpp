@@ -1,14 +1,14 @@
 #include "lab/plan/measure.hpp"
 
 #include "coupling/plan.hpp"
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/coupling/measure.hpp"
 #include "lab/coupling/sweep.hpp"
 #include "lab/session/apart.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"
-#include "wire/codec.hpp"
+#include "wire/codec/codec.hpp"
 
 #include <fmt/core.h>
 #include <malloc.h>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "lab/page/tables.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <functional>
 #include <optional>

@@ -1,8 +1,8 @@
 #include "lab/plan/report.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/command_line.hpp"
-#include "model/optimisation.hpp"
+#include "model/settings/optimisation.hpp"
 #include "report/page.hpp"
 
 #include <fmt/core.h>

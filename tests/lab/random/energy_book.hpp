@@ -1,7 +1,7 @@
 #pragma once
 
-#include "model/scene.hpp"
-#include "physics/engine_shell.hpp"
+#include "model/scene/scene.hpp"
+#include "physics/shells/engine_shell.hpp"
 
 #include <memory>
 #include <optional>

@@ -2,7 +2,7 @@
 
 #include "coupling/plan.hpp"
 #include "coupling/safety/force_guard.hpp"
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/random/energy_book.hpp"
 #include "lab/random/scene.hpp"
 #include "lab/session/coupled_run.hpp"

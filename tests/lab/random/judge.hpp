@@ -1,7 +1,7 @@
 #pragma once
 
-#include "io/results.hpp"
-#include "model/scene.hpp"
+#include "io/results/results.hpp"
+#include "model/scene/scene.hpp"
 #include "physics/engine.hpp"
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 #include "lab/random/report.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/engine_choice.hpp"
 
 #include <fmt/core.h>

@@ -1,10 +1,10 @@
 #include "lab/random/scene_text.hpp"
 
-#include "io/results.hpp"
+#include "io/results/results.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "model/scene_reader.hpp"
-#include "model/settings.hpp"
+#include "model/scene/scene_reader.hpp"
+#include "model/settings/settings.hpp"
 
 #include <fmt/core.h>
 

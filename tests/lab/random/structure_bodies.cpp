@@ -2,7 +2,7 @@
 
 #include "lab/random/structures.hpp"
 
-#include "model/mass_properties.hpp"
+#include "model/shapes/mass_properties.hpp"
 #include "model/trigonometry.hpp"
 
 #include <fmt/core.h>

@@ -1,6 +1,6 @@
 #include "lab/random/structures.hpp"
 
-#include "model/mass_properties.hpp"
+#include "model/shapes/mass_properties.hpp"
 #include "model/trigonometry.hpp"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "lab/session/draw.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <array>
 #include <string>

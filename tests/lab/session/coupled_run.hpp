@@ -6,7 +6,7 @@
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/lockstep_order.hpp"
 #include "haptic_sim/sub_world.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 #include "rt/histogram.hpp"
 #include "world_sim/world.hpp"
 

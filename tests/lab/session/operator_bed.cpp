@@ -1,6 +1,6 @@
 #include "lab/session/operator_bed.hpp"
 
-#include "io/scene_name.hpp"
+#include "io/options/scene_name.hpp"
 #include "rt/stop.hpp"
 
 #include <stdexcept>

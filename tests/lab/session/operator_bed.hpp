@@ -3,7 +3,7 @@
 #include "coupling/tool/stiffness.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/setting.hpp"
-#include "model/scene.hpp"
+#include "model/scene/scene.hpp"
 
 #include <functional>
 #include <string>

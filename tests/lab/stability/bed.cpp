@@ -1,6 +1,6 @@
 #include "lab/stability/bed.hpp"
 
-#include "model/mass_properties.hpp"
+#include "model/shapes/mass_properties.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/core.h>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "lab/stability/case.hpp"
+#include "lab/stability/cases/case.hpp"
 #include "model/body.hpp"
 #include "physics/engine.hpp"
 

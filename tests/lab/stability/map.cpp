@@ -1,6 +1,6 @@
 #include "lab/stability/map.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/stability/plan.hpp"
 #include "lab/stability/run.hpp"

@@ -1,11 +1,11 @@
 #include "lab/stability/plan.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/page/tables.hpp"
-#include "lab/stability/cases.hpp"
+#include "lab/stability/cases/cases.hpp"
 #include "model/error.hpp"
-#include "model/nearest.hpp"
+#include "model/shapes/nearest.hpp"
 
 #include <fmt/core.h>
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "io/results.hpp"
-#include "lab/stability/case.hpp"
+#include "io/results/results.hpp"
+#include "lab/stability/cases/case.hpp"
 
 #include <string>
 #include <vector>

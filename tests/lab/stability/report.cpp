@@ -1,9 +1,9 @@
 #include "lab/stability/report.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/random/report.hpp"
-#include "lab/stability/cases.hpp"
+#include "lab/stability/cases/cases.hpp"
 #include "lab/stability/map.hpp"
 #include "lab/stability/run.hpp"
 #include "lab/stability/summary.hpp"

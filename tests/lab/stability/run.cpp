@@ -1,6 +1,6 @@
 #include "lab/stability/run.hpp"
 
-#include "io/json.hpp"
+#include "io/results/json.hpp"
 #include "lab/page/command_line.hpp"
 #include "lab/page/engine_choice.hpp"
 #include "lab/page/tables.hpp"

@@ -3,8 +3,8 @@
 #include "coupling/select/contact_graph.hpp"
 #include "coupling/select/selection.hpp"
 #include "coupling/select/swept_bounds.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <optional>
 #include <span>

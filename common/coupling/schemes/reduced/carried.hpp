@@ -2,8 +2,8 @@
 
 #include "coupling/select/contact_graph.hpp"
 #include "coupling/select/selection.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 
 #include <cstdint>
 #include <functional>

@@ -1,10 +1,11 @@
 #pragma once
 
 #include "coupling/schemes/reduced/ghost_model.hpp"
+#include "coupling/schemes/reduced/ghost_motion.hpp"
 #include "coupling/schemes/sub_world_side.hpp"
 #include "coupling/sync/gradual_shifts.hpp"
-#include "model/exchange.hpp"
-#include "model/scene.hpp"
+#include "model/messages/exchange.hpp"
+#include "model/scene/scene.hpp"
 #include "physics/engine.hpp"
 
 #include <optional>

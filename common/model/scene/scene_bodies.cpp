@@ -1,0 +1,184 @@
+#include "model/scene/scene_reader.hpp"
+#include "model/shapes/nearest.hpp"
+#include "model/trigonometry.hpp"
+
+#include <fmt/core.h>
+
+namespace subworld {
+
+namespace {
+
+constexpr Limits kPlace{.least = -1e6, .most = 1e6};    // m
+constexpr Limits kSpeed{.least = -1e6, .most = 1e6};    // m/s, rad/s
+constexpr Limits kMass{.least = 1e-9, .most = 1e12};    // kg
+constexpr Limits kDensity{.least = 1e-6, .most = 1e9};  // kg/m^3
+constexpr Limits kSide{.least = 1e-6, .most = 1e6};     // m
+
+const std::initializer_list<std::string_view> kBodyKeys = {
+    "name",       "shape",    "size_m",        "radius_m",
+    "length_m",   "wall_m",   "file",          "scale",
+    "material",   "mass_kg",  "density_kg_m3", "fixed",
+    "position_m", "rotation", "velocity_m_s",  "angular_velocity_rad_s",
+    "gravity",    "rotates",  "at_rest",       "repeat"};
+const std::initializer_list<std::string_view> kProxyKeys = {
+    "body",     "shape",   "size_m",        "radius_m",   "length_m", "file",         "scale",
+    "material", "mass_kg", "density_kg_m3", "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
+    "gravity",  "rotates"};
+
+}  // namespace
+
+Materials read_materials(const YamlValue& value) {
+  Materials materials;
+  for (const YamlValue::Named& entry : value.entries()) {
+    const YamlMap map(entry.value, {"friction", "restitution"});
+    Material material;
+    map.read("friction", material.friction, {.least = 0.0, .most = 100.0});
+    map.read("restitution", material.restitution, kUnit);
+    materials[entry.key] = material;
+  }
+  return materials;
+}
+
+void BodyReader::read_bodies(const YamlValue& list) {
+  for (const YamlValue& body : list.items()) read_body(body);
+}
+
+void BodyReader::read_body(const YamlValue& value) {
+  const YamlMap map(value, kBodyKeys);
+  bool fixed = false;
+  map.read("fixed", fixed);
+  const std::string name = map.at("name").name();
+  if (map.at("shape").text() == "bin") return read_bin(map);
+  const SolidShape solid = read_shape(map, fixed);
+  const Template made = read_template(map, solid);
+  if (!map.has("repeat")) {
+    require_room(value, 1);
+    add(map.at("name"), name, made, {});
+    return;
+  }
+  const Layout layout = read_repeat(map, solid);
+  for (std::size_t i = 0; i < layout.size(); ++i) add(map.at("name"), fmt::format("{}/{}", name, i), made, layout[i]);
+}
+
+/// Four walls around an inner area, standing on the group's position.
+void BodyReader::read_bin(const YamlMap& map) {
+  forbid_other_measures(map, "bin");
+  map.forbid({"repeat", "rotation"}, "a bin is four walls along the axes");
+  bool fixed = false;
+  map.read("fixed", fixed);
+  if (!fixed) map.at("shape").fail("a bin cannot move; add \"fixed: true\"");
+  const Vec3 inner = map.at("size_m").vec3(kSide);
+  const double wall = map.at("wall_m").number(kSide);
+  require_room(map.whole(), 4);
+  int index = 0;
+  for (const int axis : {0, 1}) {
+    for (const double side : {-1.0, 1.0}) {
+      SolidShape solid;
+      solid.shape.kind = ShapeKind::box;
+      // The walls across x extend over the corners.
+      solid.shape.half_extents = 0.5 * inner;
+      solid.shape.half_extents[axis] = 0.5 * wall;
+      if (axis == 0) solid.shape.half_extents.y() += wall;
+      Pose offset;
+      offset.position[axis] = side * 0.5 * (inner[axis] + wall);
+      offset.position.z() = 0.5 * inner.z();
+      add(map.at("name"), fmt::format("{}/{}", map.at("name").name(), index++), read_template(map, solid), offset);
+    }
+  }
+}
+
+BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidShape& solid) const {
+  Template made;
+  made.frame = solid.frame;
+  made.body.shape = solid.shape;
+  made.body.material = read_material(map);
+  read_mass(map, solid, made.body);
+  if (made.body.fixed()) {
+    map.forbid({"velocity_m_s", "angular_velocity_rad_s", "gravity", "rotates", "at_rest"}, "the body is fixed");
+    made.body.gravity = false;
+  }
+  map.read("gravity", made.body.gravity);
+  map.read("rotates", made.body.rotates);
+  map.read("at_rest", made.body.at_rest);
+  if (made.body.at_rest) map.forbid({"velocity_m_s", "angular_velocity_rad_s"}, "the body is at rest");
+  if (!made.body.rotates) map.forbid({"angular_velocity_rad_s"}, "the body does not rotate");
+  if (const auto v = map.find("position_m")) made.state.position = v->vec3(kPlace);
+  if (const auto v = map.find("velocity_m_s")) made.state.linear_velocity = v->vec3(kSpeed);
+  if (const auto v = map.find("angular_velocity_rad_s")) made.state.angular_velocity = v->vec3(kSpeed);
+  if (const auto v = map.find("rotation")) {
+    const YamlMap rotation(*v, {"axis", "angle_deg"});
+    const Vec3 axis = rotation.at("axis").direction();
+    made.state.orientation = rotation_deg(axis, rotation.at("angle_deg").number({.least = -360.0, .most = 360.0}));
+  }
+  return made;
+}
+
+void BodyReader::read_mass(const YamlMap& map, const SolidShape& solid, Body& body) const {
+  const std::size_t which = map.has("fixed") && map.at("fixed").flag()
+                                ? (map.forbid({"mass_kg", "density_kg_m3"}, "the body is fixed"), 2)
+                                : map.one_of({"mass_kg", "density_kg_m3"});
+  if (which == 2) return;
+  body.mass = which == 0 ? map.at("mass_kg").number(kMass) : map.at("density_kg_m3").number(kDensity) * solid.volume;
+  body.inertia = body.mass * solid.inertia_per_kg;
+  if (!(body.inertia.minCoeff() > 0.0) || !body.inertia.allFinite()) {
+    map.whole().fail("size and mass give a moment of inertia that is not a positive number; check both");
+  }
+}
+
+Material BodyReader::read_material(const YamlMap& map) const {
+  const auto value = map.find("material");
+  if (!value) return {};
+  const std::string name = value->text();
+  if (const auto known = materials_.find(name); known != materials_.end()) return known->second;
+  std::vector<std::string_view> names;
+  for (const auto& [known, unused] : materials_) names.push_back(known);
+  const std::string_view near = nearest(name, names);
+  value->fail(near.empty() ? fmt::format("unknown material \"{}\"; describe it under \"materials\"", name)
+                           : fmt::format("unknown material \"{}\"; did you mean \"{}\"?", name, near));
+}
+
+BodyId BodyReader::add(const YamlValue& place, const std::string& name, const Template& made, const Pose& offset) {
+  const auto id = static_cast<BodyId>(scene_.bodies.size());
+  if (!names_.try_emplace(name, id).second) place.fail(fmt::format("there is another body \"{}\"; rename one", name));
+  Body body = made.body;
+  body.id = id;
+  body.name = name;
+  BodyState state = made.state;
+  const Quat placed = offset.orientation * made.state.orientation;
+  state.position = made.state.position + offset.position + placed * made.frame.position;
+  state.orientation = (placed * made.frame.orientation).normalized();
+  if (!finite(state)) place.fail("the position is not a finite number; check positions and the mesh's scale");
+  scene_.bodies.push_back(std::move(body));
+  scene_.initial.push_back(state);
+  return id;
+}
+
+BodyId BodyReader::read_proxy(const YamlValue& value, const std::string& user) {
+  const YamlMap map(value, kProxyKeys);
+  const auto at = map.find("body");
+  if (!at) {
+    require_room(value, 1);
+    return add(value, user + "/proxy", read_template(map, read_shape(map, false)), {});
+  }
+  for (const std::string_view key : kProxyKeys) {
+    if (key != "body") map.forbid({key}, "the proxy is an existing body");
+  }
+  const std::string name = at->text();
+  const auto known = names_.find(name);
+  if (known == names_.end()) {
+    const std::vector<std::string_view> all = [&] {
+      std::vector<std::string_view> names;
+      for (const Body& body : scene_.bodies) names.push_back(body.name);
+      return names;
+    }();
+    const std::string_view near = nearest(name, all);
+    at->fail(fmt::format("no body is named \"{}\"{}", name,
+                         near.empty() ? "; name one of \"bodies\"" : fmt::format("; did you mean \"{}\"?", near)));
+  }
+  if (scene_.body(known->second).fixed()) {
+    at->fail(fmt::format("\"{}\" is fixed, a proxy must move; give it a mass or choose another body", name));
+  }
+  return known->second;
+}
+
+}  // namespace subworld

@@ -1,0 +1,78 @@
+#pragma once
+
+#include "model/scene/scene.hpp"
+#include "model/scene/scene_layout.hpp"
+#include "model/scene/yaml_reader.hpp"
+
+#include <map>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <unordered_map>
+
+/// The readers of `load_scene`, one for each section of the file.
+namespace subworld {
+
+/// Limit on the number of bodies, checked before memory is allocated.
+inline constexpr int kMostBodies = 100'000;
+
+using Materials = std::map<std::string, Material, std::less<>>;
+
+[[nodiscard]] Materials read_materials(const YamlValue& value);
+
+/// Reads a map by the table of settings (model/settings). `group`: the beginning of its keys there, as in "delay.";
+/// empty: of the map `settings`; "users.": of a user.
+void read_settings(const YamlValue& value, const std::string& group, Settings& settings, UserSpec& user);
+/// The keys that such a map may have.
+[[nodiscard]] std::vector<std::string_view> keys_in(std::string_view group);
+
+/// A shape with the data from which its mass follows.
+struct SolidShape {
+  Shape shape;
+  Pose frame;                          ///< frame of the body in the frame that the scene positions (meshes only)
+  double volume = 0.0;                 ///< m^3; 0 for a plane or an open mesh
+  Vec3 inertia_per_kg = Vec3::Zero();  ///< m^2
+  Vec3 half_extents = Vec3::Zero();    ///< m, of the bounds in the body frame
+  double bounding_radius = 0.0;        ///< m, about the body's origin
+};
+
+/// Throws if the map has a measure of another shape.
+void forbid_other_measures(const YamlMap& map, std::string_view shape);
+
+/// Reads bodies, groups and proxies into the scene, numbered in the order of the file.
+class BodyReader {
+ public:
+  BodyReader(Scene& scene, Materials materials) : scene_(scene), materials_(std::move(materials)) {}
+
+  void read_bodies(const YamlValue& list);
+  /// The proxy of a user: an existing body, or one of its own named "user/proxy".
+  [[nodiscard]] BodyId read_proxy(const YamlValue& value, const std::string& user);
+
+ private:
+  struct Template {
+    Body body;
+    BodyState state;  ///< state of the positioned frame
+    Pose frame;       ///< frame of the body in the positioned frame
+  };
+
+  void read_body(const YamlValue& value);
+  void read_bin(const YamlMap& map);
+  [[nodiscard]] Template read_template(const YamlMap& map, const SolidShape& solid) const;
+  void read_mass(const YamlMap& map, const SolidShape& solid, Body& body) const;
+  [[nodiscard]] Material read_material(const YamlMap& map) const;
+  [[nodiscard]] SolidShape read_shape(const YamlMap& map, bool fixed);
+  [[nodiscard]] SolidShape read_mesh_shape(const YamlMap& map, ShapeKind kind, bool fixed);
+  [[nodiscard]] Layout read_repeat(const YamlMap& body, const SolidShape& solid) const;
+  void require_room(const YamlValue& value, std::int64_t count) const;
+  BodyId add(const YamlValue& place, const std::string& name, const Template& made, const Pose& offset);
+
+  Scene& scene_;
+  Materials materials_;
+  std::unordered_map<std::string, BodyId> names_;
+  std::map<std::tuple<std::string, double, ShapeKind, bool>, SolidShape> meshes_;  ///< each file is read once
+};
+
+/// Reads the users and, through `bodies`, their proxies.
+void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene);
+
+}  // namespace subworld

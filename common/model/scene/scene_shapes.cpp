@@ -1,0 +1,129 @@
+#include "model/error.hpp"
+#include "model/scene/mesh_file.hpp"
+#include "model/scene/scene_reader.hpp"
+#include "model/shapes/mass_properties.hpp"
+#include "model/shapes/shape_extent.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <filesystem>
+
+namespace subworld {
+
+namespace {
+
+constexpr Limits kLength{.least = 1e-6, .most = 1e6};  // m
+constexpr std::size_t kMostHullVertices = 10'000;      // the hull's time is quadratic in the vertices
+const std::initializer_list<std::string_view> kShapes = {"sphere", "box",    "capsule", "cylinder",
+                                                         "plane",  "convex", "mesh",    "bin"};
+
+/// The measures of each shape.
+constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {
+    {"size_m", "box bin"},
+    {"radius_m", "sphere capsule cylinder"},
+    {"length_m", "capsule cylinder"},
+    {"wall_m", "bin"},
+    {"file", "convex mesh"},
+    {"scale", "convex mesh"},
+};
+
+/// Bounds and mass properties of everything but meshes.
+SolidShape primitive(const Shape& shape) {
+  SolidShape solid;
+  solid.shape = shape;
+  solid.volume = volume(shape);
+  solid.inertia_per_kg = principal_inertia(shape, 1.0);
+  if (shape.kind == ShapeKind::plane) return solid;
+  solid.half_extents = bounds(shape, {}, {}).upper;
+  solid.bounding_radius = bounding_radius(shape, {});
+  return solid;
+}
+
+SolidShape convex_solid(const YamlValue& place, Mesh& mesh, bool fixed) {
+  if (!fixed && !closed(mesh)) {
+    place.fail("the surface is not closed, so it has no mass; close its holes and make all triangles look outwards");
+  }
+  if (mesh.vertices.size() > kMostHullVertices) {
+    place.fail(fmt::format("a convex shape has at most {} vertices, this file has {}; simplify it", kMostHullVertices,
+                           mesh.vertices.size()));
+  }
+  mesh = convex_hull(mesh);
+  if (mesh.triangles.empty()) place.fail("the surface is flat, it encloses nothing; use a box or shape: mesh");
+  const PrincipalFrame principal = move_to_principal_frame(mesh);
+  SolidShape solid;
+  solid.frame = principal.frame;
+  solid.volume = principal.volume;
+  solid.inertia_per_kg = principal.inertia / principal.volume;
+  for (const Vec3& v : mesh.vertices) {
+    solid.half_extents = solid.half_extents.cwiseMax(v.cwiseAbs());
+    solid.bounding_radius = std::max(solid.bounding_radius, v.norm());
+  }
+  return solid;
+}
+
+}  // namespace
+
+void forbid_other_measures(const YamlMap& map, std::string_view shape) {
+  for (const auto& [key, shapes] : kMeasures) {
+    if (shapes.find(shape) == std::string_view::npos) map.forbid({key}, fmt::format("a {} has no such measure", shape));
+  }
+}
+
+SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
+  const YamlValue at = map.at("shape");
+  Shape shape;
+  const std::size_t kind = at.choice(kShapes);  // in the order of ShapeKind
+  const std::string word = at.text();
+  if (word == "bin") at.fail("a bin cannot be a proxy; use a box, sphere, capsule, cylinder or convex");
+  shape.kind = static_cast<ShapeKind>(kind);
+  forbid_other_measures(map, word);
+  if (!fixed && (shape.kind == ShapeKind::plane || shape.kind == ShapeKind::mesh)) {
+    at.fail(fmt::format("a {} cannot move; add \"fixed: true\" or use another shape", word));
+  }
+  switch (shape.kind) {
+    case ShapeKind::convex:
+    case ShapeKind::mesh:
+      return read_mesh_shape(map, shape.kind, fixed);
+    case ShapeKind::plane:
+      break;
+    case ShapeKind::box:
+      shape.half_extents = 0.5 * map.at("size_m").vec3(kLength);
+      break;
+    case ShapeKind::sphere:
+      shape.radius = map.at("radius_m").number(kLength);
+      break;
+    case ShapeKind::capsule:
+    case ShapeKind::cylinder:
+      shape.radius = map.at("radius_m").number(kLength);
+      shape.half_length = 0.5 * map.at("length_m").number(kLength);
+      break;
+  }
+  return primitive(shape);
+}
+
+SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind, bool fixed) {
+  const YamlValue at = map.at("file");
+  double scale = 1.0;
+  map.read("scale", scale, {.least = 1e-9, .most = 1e9});
+  const std::string name = at.text();
+  // A fixed and a movable convex of one file have the same shape, but only the movable one must be closed.
+  const std::tuple key(name, scale, kind, fixed);
+  if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
+  Mesh mesh;
+  try {
+    mesh = read_mesh((std::filesystem::path(scene_.file).parent_path() / name).string(), scale);
+  } catch (const std::runtime_error& e) {
+    at.fail(fmt::format("\"{}\" {}", name, e.what()));
+  }
+  SolidShape solid;
+  if (kind == ShapeKind::convex) solid = convex_solid(at, mesh, fixed);
+  mesh.file = name;
+  solid.shape.kind = kind;
+  solid.shape.mesh = static_cast<std::uint32_t>(scene_.meshes.size());
+  scene_.meshes.push_back(std::move(mesh));
+  meshes_[key] = solid;
+  return solid;
+}
+
+}  // namespace subworld

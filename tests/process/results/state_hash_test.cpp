@@ -1,0 +1,27 @@
+// The lab's run in one process equals that of the real programs: equal state hashes for each run.
+#include "process/process_test.hpp"
+#include "process/results/hash_cases.hpp"
+
+namespace subworld::test {
+
+void PrintTo(const HashCase& one, std::ostream* out) { *out << to_text(one); }
+
+namespace {
+
+class StateHashes : public ProcessTest, public ::testing::WithParamInterface<HashCase> {};
+
+TEST_P(StateHashes, OfTheLabAreThoseOfThePrograms) {
+  const Ended ended = run(scene(GetParam().scene), flags_of(GetParam()));
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  EXPECT_EQ(summary()["state_hash"], in_process_hash(GetParam(), SCENES_FOLDER));
+}
+
+std::string name_of(const testing::TestParamInfo<HashCase>& info) {
+  const HashCase& one = info.param;
+  return one.scene + "_" + one.scheme + "_" + std::to_string(one.users) + (one.latency_s > 0.0 ? "_delayed" : "");
+}
+
+INSTANTIATE_TEST_SUITE_P(Shipped, StateHashes, testing::ValuesIn(hash_cases(SCENES_FOLDER)), name_of);
+
+}  // namespace
+}  // namespace subworld::test
