@@ -55,7 +55,7 @@ Cause by_late_wake_ups(const char* who, const MachineShare& machine, double usua
                       brackets(calibration_text(run)), machine.fifo ? "" : "with real-time rights, or ")};
 }
 
-Cause by_own_steps(const UserView& at) {
+Cause by_own_steps(const UserOfRun& at) {
   const HapticResult& haptic = at.haptic();
   if (static_cast<double>(haptic.missed_waiting) > 0.5 * static_cast<double>(haptic.missed_by_run)) {
     return {Culprit::run,
@@ -84,11 +84,12 @@ Cause by_slow_cycles(const RunResults& run) {
                               grouped(world.late_by_run), grouped(world.cycles), 1e3 * world.step_s.max, times)};
   }
   if (world.late_by_os == 0) return {Culprit::os, ""};  // no cycle was late: nothing to cure
-  return by_late_wake_ups("world", world.machine, world.woken_late_s.p50, world.late_by_os, static_cast<double>(world.cycles),
-                          static_cast<double>(world.late_by_os) * cycle_s, run.placement.world.empty(), run);
+  return by_late_wake_ups("world", world.machine, world.woken_late_s.p50, world.late_by_os,
+                          static_cast<double>(world.cycles), static_cast<double>(world.late_by_os) * cycle_s,
+                          run.placement.world.empty(), run);
 }
 
-Cause by_loss(const UserView& at) {
+Cause by_loss(const UserOfRun& at) {
   const double halted_s = static_cast<double>(at.haptic().skipped_steps) * at.settings().h_s;
   const double history_s = static_cast<double>(kTopicOf<WorldFrame>.depth) * at.settings().h_s * at.settings().ratio;
   if (at.run.between_hosts && halted_s < history_s)
@@ -98,7 +99,7 @@ Cause by_loss(const UserView& at) {
           "frames of the world were lost on the way; the sub-world was halted, or the network is too slow"};
 }
 
-std::string coupling_cure(const UserView& at) {
+std::string coupling_cure(const UserOfRun& at) {
   return fmt::format("{}, less delay or a smaller --ratio{}",
                      at.spec().kind == DeviceKind::admittance ? "a heavier proxy" : "a lower coupling stiffness_n_m",
                      enabled(at.run.scene, Optimisation::energy_bound, at.user) ? ", or --passivity on" : "");

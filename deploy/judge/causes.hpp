@@ -12,7 +12,7 @@
 namespace subworld {
 
 /// What a gate looks at: the run, and one of its users.
-struct UserView {
+struct UserOfRun {
   const RunResults& run;
   std::size_t at = 0;  ///< of its results: one who took no part has none
   std::size_t user = run.haptic[at].user;
@@ -36,15 +36,16 @@ struct UserView {
 ///  * the loop waited longer for a core than it lost, typical wake-ups not counted;
 ///  * a program of the run could take that core: a rival of at least the loop's priority, or, for a loop without
 ///    real-time priority on cores that the run fills, any.
-[[nodiscard]] Cause by_late_wake_ups(const char* who, const MachineShare& machine, double usual_late_s, std::uint64_t delayed,
-                       double steps, double lost_s, bool has_rivals, const RunResults& run);
+[[nodiscard]] Cause by_late_wake_ups(const char* who, const MachineShare& machine, double usual_late_s,
+                                     std::uint64_t delayed, double steps, double lost_s, bool has_rivals,
+                                     const RunResults& run);
 /// Why a loop's own steps miss deadlines.
-[[nodiscard]] Cause by_own_steps(const UserView& at);
+[[nodiscard]] Cause by_own_steps(const UserOfRun& at);
 [[nodiscard]] Cause by_slow_cycles(const RunResults& run);
 /// Why frames of the world did not reach a sub-world. In real time its reader holds a few frames, so one that was
 /// halted for longer loses the others.
-[[nodiscard]] Cause by_loss(const UserView& at);
+[[nodiscard]] Cause by_loss(const UserOfRun& at);
 /// What makes the coupling of a user stable again.
-[[nodiscard]] std::string coupling_cure(const UserView& at);
+[[nodiscard]] std::string coupling_cure(const UserOfRun& at);
 
 }  // namespace subworld

@@ -35,8 +35,8 @@ constexpr double kLeastEnergy_j = 0.005;
 constexpr double kUnexplainedRatio = 0.01;  ///< of the energy that users put in
 constexpr double kOscillationRatio = 0.05;  ///< of the device's force limit
 
-std::vector<UserView> users_of(const RunResults& run) {
-  std::vector<UserView> users;
+std::vector<UserOfRun> users_of(const RunResults& run) {
+  std::vector<UserOfRun> users;
   for (std::size_t at = 0; at < run.haptic.size(); ++at) users.push_back({run, at});
   return users;
 }
@@ -83,7 +83,7 @@ Readings foreign_writers(const RunResults& run) {
   const WorldRefused& world = run.world.refused;
   add("", "scene", "world_sim", world.scene, world.by);
   add("", "haptic_report", "haptic_sim", world.haptic_report, world.by);
-  for (const UserView& at : users_of(run)) {
+  for (const UserOfRun& at : users_of(run)) {
     const HapticRefused& haptic = at.haptic().refused;
     add(at.name(), "world_frame", "world_sim", haptic.world_frame, haptic.by);
     add(at.name(), "device_state", "device_sim", haptic.device_state, haptic.by);
@@ -110,7 +110,7 @@ Readings messages(const RunResults& run) {
                        {Culprit::run,
                         "the world did not get these users' pushes: reports came more than 16 cycles late, between "
                         "hosts more than 0.5 s; look for a slow network, or for a sub-world that was halted"})};
-  for (const UserView& at : users_of(run)) {
+  for (const UserOfRun& at : users_of(run)) {
     all.push_back(reading(at.name() + "lost frames", kCount, at.haptic().lost_frames, 0.0, by_loss(at)));
     if (run.realtime() && run.between_hosts)
       all.push_back(reading(at.name() + "late reports", kOfReports, at.haptic().late_reports_ratio, kLateReportsRatio,
@@ -124,7 +124,7 @@ Readings messages(const RunResults& run) {
 /// Energy that no operator has put in, at each and at all together.
 Readings operators_energy(const RunResults& run) {
   Readings all;
-  for (const UserView& at : users_of(run)) {
+  for (const UserOfRun& at : users_of(run)) {
     all.push_back(reading(at.name() + "created energy at the operator", kJoule, at.device().operator_energy.created_j,
                           most_created_j(run, work_j(at.haptic())),
                           {Culprit::unstable, "neither the operator nor the bodies had it; " + coupling_cure(at)}));
@@ -147,7 +147,7 @@ Readings recording(const RunResults& run) {
 }
 
 /// An admittance device that its proxy leaves behind: the coupling no longer holds the proxy.
-Readings distance(const UserView& at) {
+Readings distance(const UserOfRun& at) {
   constexpr double kFree_m = 0.1, kRounds = 2.0;
   if (at.spec().kind != DeviceKind::admittance) return {};
   const DelaySettings& d = at.settings().delay;
@@ -160,14 +160,14 @@ Readings distance(const UserView& at) {
                                                   at.spec().speed_limit_m_s, coupling_cure(at))})};
 }
 
-Readings jumps(const UserView& at) {
+Readings jumps(const UserOfRun& at) {
   return {reading("device faster than an operator moves", kOfSteps, at.of_steps(at.haptic().device_jumps), 0.0,
                   {Culprit::run,
                    "the force was off in these steps, and ramped afterwards: no operator moves a device at more than "
                    "10 m/s; slow the path of the scene, or examine the device's sensors"})};
 }
 
-Readings oscillation(const UserView& at) {
+Readings oscillation(const UserOfRun& at) {
   constexpr double kLeast_s = OscillationWatch::kBlock_s * (1.0 + OscillationWatch::kLasting);
   std::string name = "oscillation of the force";
   if (at.run.simulated_s < kLeast_s)
@@ -179,7 +179,7 @@ Readings oscillation(const UserView& at) {
 }
 
 /// Steps that miss their deadline, or start late: woken late, or after a step that ended late.
-Readings loop(const UserView& at) {
+Readings loop(const UserOfRun& at) {
   if (!at.run.realtime()) return {};
   const HapticResult& haptic = at.haptic();
   const Cause own = by_own_steps(at);
@@ -192,7 +192,7 @@ Readings loop(const UserView& at) {
           reading(kMissedByTheOs, kOfSteps, at.of_steps(haptic.missed_by_os), kMissedRatio, os)};
 }
 
-Readings limit(const UserView& at) {
+Readings limit(const UserOfRun& at) {
   return {reading("at the device's limit", kOfSteps, at.haptic().at_limit_ratio, kAtLimitRatio,
                   {Culprit::scene,
                    "the operator feels the limit, not the scene; move the device less far into bodies, lower the "
@@ -259,7 +259,7 @@ void to_json(Json& json, const Gate& gate) {
 std::vector<Gate> gates(const RunResults& run) {
   std::vector<Gate> all;
   for (const auto measure : kGatesOfRun) judge(measure(run), "", all);
-  for (const UserView& at : users_of(run)) {
+  for (const UserOfRun& at : users_of(run)) {
     for (const auto measure : kGatesOfUser) judge(measure(at), at.name(), all);
   }
   judge(world_clock(run), "", all);
