@@ -7,7 +7,9 @@
 #include "tools.hpp"
 #include "wire/plugin.hpp"
 
+#include <fcntl.h>
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <string_view>
 #include <vector>
@@ -79,6 +81,24 @@ void add_programs(CommandLine& line) {
   for (const Tool& lab : kLabs) lab_command.command(lab.name, lab.about).takes_all();
 }
 
+/// A file that is opened later must not become a standard stream that the caller has closed.
+void reserve_standard_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) < 0) [[maybe_unused]]
+      const int lowest = open("/dev/null", O_RDWR);
+  }
+}
+
+/// "help run" as "run --help".
+std::vector<const char*> words_of(int argc, char** argv) {
+  std::vector<const char*> words(argv, argv + argc);
+  if (argc > 1 && std::string_view(argv[1]) == "help") {
+    words.erase(words.begin() + 1);
+    words.push_back("--help");
+  }
+  return words;
+}
+
 int main_of(int argc, char** argv) {
   CommandLine line("subworld", "Distributed haptic simulation: starts, watches and stops the programs of a run.");
   line.footer(kExamples);
@@ -111,7 +131,8 @@ int main_of(int argc, char** argv) {
   add_programs(line);
 
   become_program(argc, argv);
-  if (const auto code = line.parse(argc, argv)) return *code;
+  const std::vector<const char*> words = words_of(argc, argv);
+  if (const auto code = line.parse(static_cast<int>(words.size()), words.data())) return *code;
   run_words.request.command_line = up_words.request.command_line = collection.command_line =
       joined(std::span(argv, static_cast<std::size_t>(argc)), " ");
   if (run_command.chosen()) return run(run_words.complete());
@@ -125,5 +146,6 @@ int main_of(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using namespace subworld;
+  reserve_standard_streams();
   return finished("subworld", guarded("subworld", [&] { return main_of(argc, argv); }));
 }

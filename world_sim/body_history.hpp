@@ -34,7 +34,7 @@ class BodyHistory {
   BodyHistory(const Options& options, const Scene& scene, History::Say say);
 
   /// The world goes on from a checkpoint of the run in this folder.
-  void goes_back() noexcept { history_.append_all(); }
+  void goes_back() noexcept { history_.append(); }
   /// After every cycle, at the world's present stamp. In real time it allocates nothing and never waits: an instant
   /// that does not fit into the `room_s` seconds which are left of the cycle, or into the memory that waits for the
   /// file, is dropped and counted.

@@ -25,6 +25,17 @@ std::vector<BodyId> proxies_of(const Scene& scene) {
   return proxies;
 }
 
+/// Those that move at t = 0.
+std::vector<BodyId> launched_bodies(const Scene& scene) {
+  std::vector<BodyId> launched;
+  for (const Body& body : scene.bodies) {
+    const BodyState& start = scene.initial[index(body.id)];
+    if (!body.fixed() && (!start.linear_velocity.isZero(0.0) || !start.angular_velocity.isZero(0.0)))
+      launched.push_back(body.id);
+  }
+  return launched;
+}
+
 }  // namespace
 
 World::World(const Scene& scene, const std::function<void(double)>& progress, const EngineMaker& make)
@@ -62,7 +73,15 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
 bool World::settle(const std::function<bool(double)>& progress) {
   const double dt = scene_.settings.settle_step_s;
   const auto steps = static_cast<int>(std::lround(scene_.settings.settle_s / dt));
+  const std::vector<BodyId> launched = launched_bodies(scene_);
+  const auto hold = [&](bool still) {
+    for (const BodyId id : launched) {
+      const BodyState& start = scene_.initial[index(id)];
+      engine_.set_state(id, still ? BodyState{start.position, start.orientation} : start);
+    }
+  };
   for (int i = 0; i < steps; ++i) {
+    hold(true);
     rest(dt);
     for (std::size_t u = 0; u < links_.size(); ++u) {
       const UserSpec& user = scene_.users[u];
@@ -73,6 +92,7 @@ bool World::settle(const std::function<bool(double)>& progress) {
     engine_.step(dt);
     if (!progress(static_cast<double>(i + 1) / steps)) return false;
   }
+  if (steps > 0) hold(false);
   for (const UserLink& link : links_) {
     if (!link.spec().joins_late) set_inertia(scene_.body(link.spec().proxy));
   }

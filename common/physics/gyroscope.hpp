@@ -7,12 +7,21 @@ namespace subworld {
 /// Whether a body with these principal moments (kg m^2) has a gyroscopic torque: cubes and spheres have not.
 [[nodiscard]] bool feels_gyroscopic_torque(const Vec3& inertia) noexcept;
 
-/// Angular velocity (world frame, rad/s) after the gyroscopic torque has acted for dt (s). An engine is set to it
-/// before its step, because engines have the term explicit (gains energy), implicit (loses energy) or not at all.
-/// Solves Euler's equations in the body frame by the implicit midpoint rule, which conserves the energy and the size of
-/// the angular momentum.
-[[nodiscard]] Vec3 turned_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity,
-                                 double dt) noexcept;
+/// The free rotation of a body for one step, by the midpoint rule on the rotations: it conserves the energy and the
+/// vector of the angular momentum (Simo and Wong, "Unconditionally stable algorithms for rigid body dynamics", 1991).
+/// An engine is given it around its step, because engines have the gyroscopic torque explicit (gains energy), implicit
+/// (loses energy) or not at all.
+struct FreeTurn {
+  Vec3 mean = Vec3::Zero();      ///< rad/s, world frame: by it the engine turns the body
+  Vec3 momentum = Vec3::Zero();  ///< N m s, world frame
+  bool solved = false;           ///< not where a step turns the body by more than about half a turn
+
+  /// What to add to the angular velocity (rad/s) after the step.
+  [[nodiscard]] Vec3 rest(const Quat& orientation_after, const Vec3& inertia) const noexcept;
+};
+/// Before a step of `dt` (s); `angular_velocity` in the world frame (rad/s).
+[[nodiscard]] FreeTurn turn_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity,
+                                   double dt) noexcept;
 
 /// Change of a body's angular velocity (rad/s) by an angular impulse (N m s, world frame).
 [[nodiscard]] Vec3 spun_up(const Quat& orientation, const Vec3& inertia, const Vec3& angular_impulse) noexcept;

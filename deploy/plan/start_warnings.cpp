@@ -58,7 +58,8 @@ void warn_of_slips(const Scene& scene, std::vector<std::string>& out) {
                    Slip{"were its measures meant in cm? Write them in m", 1e6, {}},
                    Slip{"was its mass meant in g? Write it in kg", 1e-3, {}}};
   for (const Body& body : scene.bodies) {
-    const double volume_m3 = volume(body.shape);
+    const bool is_hull = body.shape.kind == ShapeKind::convex;
+    const double volume_m3 = is_hull ? integrate(scene.meshes[body.shape.mesh]).volume : volume(body.shape);
     if (body.fixed() || volume_m3 <= 0.0) continue;
     const double density = body.mass / volume_m3;
     if (density >= kLightest && density <= kHeaviest) continue;
@@ -85,8 +86,9 @@ void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
   std::vector<bool> touches(scene.bodies.size());
   for (const Contact& c : contacts) {
     touches[index(c.a)] = touches[index(c.b)] = true;
-    const double thin_m =
-        std::min(thickness(scene.body(c.a).shape, scene.meshes), thickness(scene.body(c.b).shape, scene.meshes));
+    const double a_m = thickness(scene.body(c.a).shape, scene.meshes),
+                 b_m = thickness(scene.body(c.b).shape, scene.meshes);
+    const double thin_m = std::min(a_m, b_m) > 0.0 ? std::min(a_m, b_m) : std::max(a_m, b_m);  // a flat mesh has none
     if (-c.distance <= kDeep * thin_m) continue;
     double& depth_m = depths[std::minmax(c.a, c.b)];
     depth_m = std::max(depth_m, -c.distance);

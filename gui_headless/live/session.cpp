@@ -48,7 +48,7 @@ std::string header_of(lws* request, lws_token_indexes header) {
 std::string token_of(lws* request) {
   constexpr std::string_view kBearer = "Bearer ";
   const std::string header = header_of(request, WSI_TOKEN_HTTP_AUTHORIZATION);
-  if (header.starts_with(kBearer)) return header.substr(kBearer.size());
+  if (strncasecmp(header.c_str(), kBearer.data(), kBearer.size()) == 0) return header.substr(kBearer.size());
   std::string query(static_cast<std::size_t>(lws_hdr_total_length(request, WSI_TOKEN_HTTP_URI_ARGS)) + 1, '\0');
   const char* token = lws_get_urlarg_by_name(request, "token=", query.data(), static_cast<int>(query.size()));
   return token != nullptr ? token : "";

@@ -145,6 +145,21 @@ TEST_F(CommandLine, EveryProgramHelps) {
   }
 }
 
+TEST_F(CommandLine, HelpIsACommandToo) {
+  EXPECT_EQ(finish({program("subworld"), "help"}).out, finish({program("subworld"), "--help"}).out);
+  EXPECT_EQ(finish({program("subworld"), "help", "run"}).out, finish({program("subworld"), "run", "--help"}).out);
+}
+
+// Files that a run opens do not become its standard streams.
+TEST_F(CommandLine, ARunRecordsWhereTheStandardStreamsAreClosed) {
+  const std::string command =
+      "exec \"$0\" run press --mode lockstep --duration 0.2 --out \"$1\" --record "
+      "\"$1.mcap\" --domain \"$2\" <&- >&- 2>&-";
+  EXPECT_EQ(finish({"/bin/sh", "-c", command, program("subworld"), out(), domain_.text()}).code, 0);
+  EXPECT_EQ(summary()["verdict"], "ok");
+  EXPECT_GT(std::filesystem::file_size(out() + ".mcap"), 10000U);
+}
+
 TEST_F(CommandLine, APlanNamesItsReasons) {
   const Ended ended = finish({program("subworld"), "plan", scene("row")});
   EXPECT_EQ(ended.code, 0) << ended.err;

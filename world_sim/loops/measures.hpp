@@ -25,7 +25,7 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
 
   /// The world goes on from a checkpoint of the run in this folder.
   void goes_back() noexcept {
-    history_.append_all();
+    history_.append();
     bodies_.goes_back();
   }
   /// The world goes on at `at_s` from a checkpoint with these absences, and waits for all users.

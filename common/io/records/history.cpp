@@ -16,7 +16,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <limits>
 #include <utility>
 
 namespace subworld {
@@ -117,10 +116,7 @@ void History::write_out() {
   std::size_t tail = tail_.load(std::memory_order_relaxed);
   const std::size_t head = head_.load(std::memory_order_acquire);
   if (!begun_ && (tail == head || held_.load())) return;
-  const double first = ring_[(tail % format_.rows) * format_.width];
-  if (!std::exchange(begun_, true) &&
-      !(appends_.load() && tail != head &&
-        keep_rows(goes_back_.load() ? std::numeric_limits<double>::infinity() : first))) {
+  if (!std::exchange(begun_, true) && !(appends_.load() && tail != head && keep_rows())) {
     [[maybe_unused]] const int pipes_cannot = ftruncate(file_, 0);
     text_ = format_.head;
   }
@@ -132,7 +128,7 @@ void History::write_out() {
   }
 }
 
-bool History::keep_rows(double before) {
+bool History::keep_rows() {
   constexpr off_t kLongestRow = 4096;
   const off_t size = lseek(file_, 0, SEEK_END);
   std::string head(format_.head.size(), '\0'),
@@ -142,8 +138,7 @@ bool History::keep_rows(double before) {
                     pread(file_, tail.data(), tail.size(), tail_at) == static_cast<ssize_t>(tail.size());
   const std::size_t end = tail.rfind('\n');
   const std::size_t row = end == std::string::npos || end == 0 ? std::string::npos : tail.rfind('\n', end - 1);
-  const bool follows =
-      read && head == format_.head && row != std::string::npos && std::strtod(tail.c_str() + row + 1, nullptr) < before;
+  const bool follows = read && head == format_.head && row != std::string::npos;
   const bool keeps = follows && ftruncate(file_, tail_at + static_cast<off_t>(end) + 1) == 0;
   lseek(file_, 0, keeps ? SEEK_END : SEEK_SET);
   return keeps;

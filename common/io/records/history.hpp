@@ -75,14 +75,9 @@ class History {
   /// Rows wait in memory until release(), and are discarded without it: their program may be refused.
   void hold() noexcept { held_.store(true); }
   void release() noexcept { held_.store(false); }
-  /// Before the first row: it follows those of a program that was killed, if the file has such rows and their first
-  /// number is less. A last row that is not whole is dropped.
+  /// Before the first row: it follows those of a program that was killed, if the file has such rows. Its first number
+  /// may be less than theirs: a run may have gone back to a checkpoint. A last row that is not whole is dropped.
   void append() noexcept { appends_.store(true); }
-  /// The same where the first number may be any: the run has gone back to a checkpoint.
-  void append_all() noexcept {
-    goes_back_.store(true);
-    append();
-  }
   /// Writes all remaining rows. No row may follow.
   void finish();
 
@@ -97,8 +92,8 @@ class History {
                                                                        : 1;
 
   void write_out();
-  /// Keeps the whole rows of the file before the row that is written next; false: there are none.
-  bool keep_rows(double before);
+  /// Keeps the whole rows of the file; false: there are none.
+  bool keep_rows();
   bool write_text();
   void pause();
   void hurry() noexcept;
@@ -111,7 +106,7 @@ class History {
   std::atomic<std::size_t> head_{0};  ///< rows written by the loop
   std::atomic<std::size_t> tail_{0};  ///< rows taken by the thread
   std::atomic<bool> stop_{false};
-  std::atomic<bool> held_{false}, appends_{false}, goes_back_{false};
+  std::atomic<bool> held_{false}, appends_{false};
   std::atomic<int> error_{0};  ///< the last errno of a write
   std::mutex mutex_;           ///< of hurried_
   std::condition_variable wake_;

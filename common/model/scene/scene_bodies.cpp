@@ -14,16 +14,32 @@ constexpr Limits kMass{.least = 1e-9, .most = 1e12};    // kg
 constexpr Limits kDensity{.least = 1e-6, .most = 1e9};  // kg/m^3
 constexpr Limits kSide{.least = 1e-6, .most = 1e6};     // m
 
-const std::initializer_list<std::string_view> kBodyKeys = {
-    "name",       "shape",    "size_m",        "radius_m",
-    "length_m",   "wall_m",   "file",          "scale",
-    "material",   "mass_kg",  "density_kg_m3", "fixed",
-    "position_m", "rotation", "velocity_m_s",  "angular_velocity_rad_s",
-    "gravity",    "rotates",  "at_rest",       "repeat"};
+const std::initializer_list<std::string_view> kBodyKeys = {"name",
+                                                           "shape",
+                                                           "size_m",
+                                                           "radius_m",
+                                                           "length_m",
+                                                           "wall_m",
+                                                           "file",
+                                                           "scale",
+                                                           "up",
+                                                           "material",
+                                                           "mass_kg",
+                                                           "density_kg_m3",
+                                                           "fixed",
+                                                           "position_m",
+                                                           "rotation",
+                                                           "velocity_m_s",
+                                                           "angular_velocity_rad_s",
+                                                           "gravity",
+                                                           "rotates",
+                                                           "at_rest",
+                                                           "repeat"};
 const std::initializer_list<std::string_view> kProxyKeys = {
-    "body",     "shape",   "size_m",        "radius_m",   "length_m", "file",         "scale",
-    "material", "mass_kg", "density_kg_m3", "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
-    "gravity",  "rotates"};
+    "body",          "shape",      "size_m",   "radius_m",     "length_m",
+    "file",          "scale",      "up",       "material",     "mass_kg",
+    "density_kg_m3", "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
+    "gravity",       "rotates"};
 
 }  // namespace
 

@@ -69,7 +69,7 @@ class BodyReader {
   Scene& scene_;
   Materials materials_;
   std::unordered_map<std::string, BodyId> names_;
-  std::map<std::tuple<std::string, double, ShapeKind, bool>, SolidShape> meshes_;  ///< each file is read once
+  std::map<std::tuple<std::string, double, bool, ShapeKind, bool>, SolidShape> meshes_;  ///< each file is read once
 };
 
 /// Reads the users and, through `bodies`, their proxies.

@@ -26,6 +26,7 @@ constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {
     {"wall_m", "bin"},
     {"file", "convex mesh"},
     {"scale", "convex mesh"},
+    {"up", "convex mesh"},
 };
 
 /// Bounds and mass properties of everything but meshes.
@@ -107,12 +108,17 @@ SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind, bool 
   double scale = 1.0;
   map.read("scale", scale, {.least = 1e-9, .most = 1e9});
   const std::string name = at.text();
+  bool y_up = false;
+  if (const auto up = map.find("up")) {
+    if (tells_up_axis(name)) up->fail(fmt::format("\"{}\" tells its up axis itself; remove the key", name));
+    y_up = up->choice({"z", "y"}) == 1;
+  }
   // A fixed and a movable convex of one file have the same shape, but only the movable one must be closed.
-  const std::tuple key(name, scale, kind, fixed);
+  const std::tuple key(name, scale, y_up, kind, fixed);
   if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
   Mesh mesh;
   try {
-    mesh = read_mesh((std::filesystem::path(scene_.file).parent_path() / name).string(), scale);
+    mesh = read_mesh((std::filesystem::path(scene_.file).parent_path() / name).string(), scale, y_up);
   } catch (const std::runtime_error& e) {
     at.fail(fmt::format("\"{}\" {}", name, e.what()));
   }

@@ -69,6 +69,7 @@ constexpr double kTreeMarginRatio = 0.05;
 struct Slot : AdapterSlot {
   std::unique_ptr<btRigidBody> body;
   bool gyroscopic = false;
+  FreeTurn turn;
 };
 
 class Bullet final : public Adapter<Slot> {
@@ -132,10 +133,13 @@ class Bullet final : public Adapter<Slot> {
         Slot& slot = slots_[id];
         slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
         slot.body->applyTorque(to_bullet(slot.torque));
-        if (slot.gyroscopic) turn_freely(slot, h);
+        if (slot.gyroscopic) begin_turn(slot, h);
       }
       clock_.ends(&EngineTimes::exchange_s);
       world_.stepSimulation(scalar(h), 0);
+      for (const std::uint32_t id : movable_) {
+        if (slots_[id].gyroscopic) end_turn(slots_[id]);
+      }
       clock_.ends(&EngineTimes::solving_s);
       collect_contacts(number);
       clock_.ends(&EngineTimes::exchange_s);
@@ -238,10 +242,16 @@ class Bullet final : public Adapter<Slot> {
     moved_.clear();
   }
 
-  static void turn_freely(Slot& slot, double dt) {
+  static void begin_turn(Slot& slot, double dt) {
     const Quat orientation = from_bullet(slot.body->getWorldTransform().getRotation());
     const Vec3 spin = from_bullet(slot.body->getAngularVelocity());
-    slot.body->setAngularVelocity(to_bullet(turned_freely(orientation, slot.inertia, spin, dt)));
+    slot.turn = turn_freely(orientation, slot.inertia, spin, dt);
+    slot.body->setAngularVelocity(to_bullet(slot.turn.mean));
+  }
+  static void end_turn(Slot& slot) {
+    const Quat orientation = from_bullet(slot.body->getWorldTransform().getRotation());
+    const Vec3 spin = from_bullet(slot.body->getAngularVelocity());
+    slot.body->setAngularVelocity(to_bullet(spin + slot.turn.rest(orientation, slot.inertia)));
   }
 
   static void set_pose(btRigidBody& body, const BodyState& state) {

@@ -13,6 +13,7 @@ namespace subworld {
 namespace {
 
 constexpr double kLookEvery_s = 0.05;  ///< interval of the search for bodies that may sleep or settle
+constexpr double kMostLonger = 100.0;  ///< factor of kStillFor_s in weak gravity
 
 double gap_m(const Box& a, const Box& b) noexcept {
   return (a.lower - b.upper).cwiseMax(b.lower - a.upper).cwiseMax(0.0).norm();
@@ -26,6 +27,8 @@ RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const 
       scene_(scene),
       rests_(rests),
       gravity_m_s2_(scene.settings.world.gravity.norm()),
+      still_for_s_(kStillFor_s *
+                   std::clamp(gravity_m_s2_ > 0.0 ? std::sqrt(kUsual_m_s2 / gravity_m_s2_) : 1.0, 1.0, kMostLonger)),
       settling_(scene, rests && settles),
       things_(scene.bodies.size()),
       still_(rests ? scene.bodies.size() : 0) {
@@ -63,7 +66,7 @@ void RestingEngine::lay_asleep(std::uint32_t one) {
   Thing& thing = things_[one];
   thing.bounds = subworld::bounds(scene_.bodies[one].shape, thing.anchor, scene_.meshes);
   thing.asleep = true;
-  thing.still_s = thing.unreached_s = kStillFor_s;
+  thing.still_s = thing.unreached_s = still_for_s_;
   const Box box = thing.bounds.grown(thing.drift_m);
   still_.find(box, [&](std::uint32_t other) {
     if (things_[other].asleep) join(one, other);
@@ -118,7 +121,7 @@ void RestingEngine::step(double dt) {
   since_look_s_ += dt;
   if (since_look_s_ < kLookEvery_s) return;
   since_look_s_ = 0.0;
-  find_islands();  // while the contacts are valid
+  find_islands(dt);  // while the contacts are valid
 }
 
 void RestingEngine::follow(double dt, double horizon_s) {
@@ -158,11 +161,11 @@ void RestingEngine::watch(BodyId id, double dt) {
     const bool creeps = settled && thing.still_s >= Settling::kCreep_s;
     thing.anchor = now;
     if (settled) thing.tolerance_m = Settling::kTremble * thing.thickness_m;
-    thing.still_s = creeps ? kStillFor_s : 0.0;
+    thing.still_s = creeps ? still_for_s_ : 0.0;
     if (!creeps) thing.unreached_s = 0.0;
     if (still_.contains(index(id))) still_.remove(index(id));
   }
-  if (thing.restless || thing.still_s < kStillFor_s || still_.contains(index(id))) return;
+  if (thing.restless || thing.still_s < still_for_s_ || still_.contains(index(id))) return;
   thing.bounds = inner_.bounds(id);
   // The full range of positions around the anchor.
   still_.insert(index(id), thing.bounds.grown(2.0 * thing.tolerance_m));
@@ -221,14 +224,38 @@ void RestingEngine::wake_all() {
   }
 }
 
-void RestingEngine::find_islands() {
-  for (const BodyId id : awake_) separate(index(id));
+void RestingEngine::find_islands(double dt) {
+  looked_at_s_ = dt;
+  for (const BodyId id : awake_) {
+    separate(index(id));
+    things_[index(id)].pushed_n_s = Vec3::Zero();
+  }
   settling_.begin_contacts(awake_);
   for (const Contact& c : inner_.contacts()) {
-    if (!scene_.body(c.a).fixed() && !scene_.body(c.b).fixed()) join(index(c.a), index(c.b));
+    const bool a_fixed = scene_.body(c.a).fixed(), b_fixed = scene_.body(c.b).fixed();
+    const Vec3 on_a = c.normal_impulse * c.normal + c.tangential_impulse;
+    if (b_fixed) things_[index(c.a)].pushed_n_s += on_a;
+    if (a_fixed) things_[index(c.b)].pushed_n_s -= on_a;
+    if (!a_fixed && !b_fixed) join(index(c.a), index(c.b));
     settling_.touches(c);
   }
   islands_known_ = true;
+}
+
+bool RestingEngine::are_held(std::span<const BodyId> together) const {
+  Vec3 pushed_n_s = Vec3::Zero();
+  double heavy_kg = 0.0;
+  for (const BodyId id : together) {
+    pushed_n_s += things_[index(id)].pushed_n_s;
+    if (scene_.body(id).gravity) heavy_kg += scene_.body(id).mass;
+  }
+  const Vec3 weight_n_s = heavy_kg * looked_at_s_ * scene_.settings.world.gravity;
+  if (!weight_n_s.isZero(0.0)) return (pushed_n_s + weight_n_s).norm() <= kHeld * weight_n_s.norm();
+  return std::ranges::all_of(together, [this](BodyId id) {
+    const Thing& thing = things_[index(id)];
+    const BodyState now = inner_.state(id);
+    return now.linear_velocity.norm() + thing.arm_m * now.angular_velocity.norm() <= kFloats_per_s * thing.thickness_m;
+  });
 }
 
 void RestingEngine::find_operators(double horizon_s) {
@@ -260,10 +287,10 @@ void RestingEngine::judge_islands() {
     together_.clear();
     for (; one != islands_.end() && one->first == island; ++one) together_.push_back(one->second);
     const auto is_still = [this](BodyId id) { return still_.contains(index(id)); };
-    const auto is_unreached = [this](BodyId id) { return things_[index(id)].unreached_s >= kStillFor_s; };
+    const auto is_unreached = [this](BodyId id) { return things_[index(id)].unreached_s >= still_for_s_; };
     const bool sways = !std::ranges::all_of(together_, is_still);
     settling_.judge(together_, sways, things_[island].in_reach, inner_);
-    if (sways || !std::ranges::all_of(together_, is_unreached)) continue;
+    if (sways || !std::ranges::all_of(together_, is_unreached) || !are_held(together_)) continue;
     slept_.insert(slept_.end(), together_.begin(), together_.end());
   }
   std::ranges::sort(slept_);

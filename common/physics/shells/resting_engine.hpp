@@ -17,7 +17,9 @@ namespace subworld {
 /// contact and no message. Queries return their last place, without velocity; overlap() does not list them.
 ///
 /// A body is *still* while it stays within `kDrift` of its thickness of one place. Still bodies sleep when all bodies
-/// that they touch are still too and nothing has come near for `kStillFor_s`. A body wakes, with all bodies that sleep
+/// that they touch are still too, nothing has come near for `kStillFor_s`, and they are *held*: what fixed bodies they
+/// touch push with carries their weight, or none has weight and none moves. Where gravity is weaker than `kUsual_m_s2`,
+/// that time is longer, so that what falls half as fast is watched for longer. A body wakes, with all bodies that sleep
 /// with it,
 ///   * when a moving body may reach it within the horizon of `follow`. The test uses a box around all places that the
 ///   moving body may reach by its velocity, by turning and by falling, and those that the bodies it pushes may reach;
@@ -64,6 +66,9 @@ class RestingEngine final : public EngineShell {
 
   static constexpr double kStillFor_s = 0.25;
   static constexpr double kDrift = 1e-3;  ///< of the thickness
+  static constexpr double kUsual_m_s2 = 9.81;
+  static constexpr double kHeld = 0.5;           ///< of the weight, that may be missing in one step of a solver
+  static constexpr double kFloats_per_s = 1e-5;  ///< speed, in thicknesses, below which a body without weight rests
 
  private:
   Engine& inner() const noexcept override { return inner_; }
@@ -75,10 +80,11 @@ class RestingEngine final : public EngineShell {
     double still_s = 0.0;      ///< time for which it has been still
     double unreached_s = 0.0;  ///< time for which nothing came near
     double thickness_m = 0.0;
-    double drift_m = 0.0;      ///< drift that counts as none
-    double tolerance_m = 0.0;  ///< radius around the anchor that counts as still
-    double arm_m = 0.0;        ///< from the centre to the farthest point
-    std::uint32_t next = 0;    ///< next body of those that sleep together: a ring
+    double drift_m = 0.0;            ///< drift that counts as none
+    double tolerance_m = 0.0;        ///< radius around the anchor that counts as still
+    double arm_m = 0.0;              ///< from the centre to the farthest point
+    Vec3 pushed_n_s = Vec3::Zero();  ///< by fixed bodies, in the step of the last look
+    std::uint32_t next = 0;          ///< next body of those that sleep together: a ring
     bool restless = false;
     bool asleep = false;
     bool reached = false;
@@ -100,8 +106,10 @@ class RestingEngine final : public EngineShell {
   void reach_from(BodyId mover, double horizon_s);
   void wake(std::uint32_t one);
   void lay_asleep(std::uint32_t one);
-  /// Bodies that are connected by contacts.
-  void find_islands();
+  /// Bodies that are connected by contacts, after a step of `dt`.
+  void find_islands(double dt);
+  /// Whether what surrounds these bodies carries them.
+  [[nodiscard]] bool are_held(std::span<const BodyId> together) const;
   /// Which islands an operator may reach.
   void find_operators(double horizon_s);
   /// Which islands settle, and which fall asleep.
@@ -112,6 +120,7 @@ class RestingEngine final : public EngineShell {
   const Scene& scene_;
   bool rests_;
   double gravity_m_s2_;
+  double still_for_s_;
   Settling settling_;
   std::vector<Thing> things_;  ///< by body
   DisjointSets sets_;          ///< of bodies: islands while they are searched, those that sleep together
@@ -124,6 +133,7 @@ class RestingEngine final : public EngineShell {
   std::vector<std::pair<std::uint32_t, BodyId>> islands_;  ///< root and body
   std::vector<BodyId> together_;
   double since_look_s_ = 0.0;
+  double looked_at_s_ = 0.0;    ///< length of the step of the last look
   bool islands_known_ = false;  ///< of the last step
   std::size_t asleep_count_ = 0;
 };

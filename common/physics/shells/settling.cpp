@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace subworld {
 
@@ -35,6 +36,12 @@ void Settling::add(const Body& body, double thickness_m, double arm_m, bool may)
 void Settling::watch(BodyId id, const BodyState& now, double speed_m_s, double dt) {
   Thing& thing = things_[index(id)];
   thing.calm_s = speed_m_s < thing.calm_m_s ? thing.calm_s + dt : 0.0;
+  if (thing.calm_s > dt) {
+    follow_swing(thing, now);
+  } else {
+    thing.turn = thing.farthest = now;
+    thing.farthest_m = thing.swing_m = 0.0;
+  }
   if (!thing.settles) return;
   thing.settled_s += dt;
   if (moved_m(thing.place, now, thing.arm_m) <= thing.place_m) return;
@@ -43,13 +50,27 @@ void Settling::watch(BodyId id, const BodyState& now, double speed_m_s, double d
   thing.patience_s *= 2.0;
 }
 
+void Settling::follow_swing(Thing& thing, const BodyState& now) {
+  double way_m = moved_m(thing.turn, now, thing.arm_m);
+  if (way_m > thing.farthest_m) {
+    thing.farthest = now;
+    thing.farthest_m = way_m;
+  } else if (way_m < kTurned * thing.farthest_m) {
+    thing.swing_m = thing.farthest_m;
+    thing.turn = std::exchange(thing.farthest, now);
+    thing.farthest_m = way_m = moved_m(thing.turn, now, thing.arm_m);
+  }
+  thing.swings = way_m <= kGrowth * thing.swing_m;
+}
+
 void Settling::restart(BodyId id) { things_[index(id)].calm_s = things_[index(id)].settled_s = 0.0; }
 
 void Settling::begin_contacts(std::span<const BodyId> awake) {
-  for (const BodyId id : awake) things_[index(id)].slips = false;
+  for (const BodyId id : awake) things_[index(id)].touches = things_[index(id)].slips = false;
 }
 
 void Settling::touches(const Contact& contact) {
+  if (contact.normal_impulse > 0.0) things_[index(contact.a)].touches = things_[index(contact.b)].touches = true;
   const double friction = scene_.body(contact.a).material.friction * scene_.body(contact.b).material.friction;
   if (friction >= kLeastFriction * kLeastFriction) return;
   for (const BodyId id : {contact.a, contact.b}) things_[index(id)].slips = true;
@@ -72,7 +93,7 @@ void Settling::damp(std::span<const BodyId> awake, Engine& engine, double dt) co
   const double left = std::exp(-kSettling_per_s * dt);
   for (const BodyId id : awake) {
     const Thing& thing = things_[index(id)];
-    if (!thing.settles || !thing.is_damped) continue;
+    if (!thing.settles || !thing.is_damped || !thing.swings) continue;
     const BodyState now = engine.state(id);
     engine.set_velocity(id, left * now.linear_velocity, left * now.angular_velocity);
   }

@@ -13,10 +13,12 @@ namespace subworld {
 /// bodies that it touches stay awake.
 ///
 /// Bodies that are connected by contacts *settle* while three conditions hold: for `kPatience_s` none of them has had
-/// the energy to rise by `kLift` of its thickness; one is not still; and no operator may reach any of them. Then their
-/// velocities are damped at the rate `kSettling_per_s`. Gliding, rolling, floating and flying bodies are never damped:
-/// bodies without weight or friction, round ones, and falling ones, which are soon too fast. A body that begins to
-/// slide leaves its place by `kPlace`. From then on it must be calm for twice as long, so it is not stopped.
+/// the energy to rise by `kLift` of its thickness; one is not still; and no operator may reach any of them. Then the
+/// velocity of each body that *swings* is damped at the rate `kSettling_per_s`. It swings while it is no farther from
+/// the point at which it last turned back than its last swing was long, with `kGrowth`. So a body that only goes on,
+/// as one that begins to slide or to fall over, is not damped. Gliding, rolling, floating and flying bodies never are:
+/// bodies without weight, friction or contacts, and round ones. A body that leaves its place by `kPlace` must be calm
+/// for twice as long from then on.
 ///
 /// A body that has settled for `kSettledFor_s` is moved by the solver only. It counts as still while it stays within
 /// `kTremble` of one place, and also while it creeps from one such place to the next in no less than `kCreep_s`: in a
@@ -50,6 +52,8 @@ class Settling {
   static constexpr double kPatience_s = 0.25;
   static constexpr double kLift = 0.01;  ///< of the thickness
   static constexpr double kPlace = 0.3;  ///< of the thickness
+  static constexpr double kGrowth = 1.2;
+  static constexpr double kTurned = 0.9;  ///< part of the way from the last turn below which a body has turned back
   /// Damping rate of velocities: critical for an oscillation of 3 s; with 16, creep lasts longer.
   static constexpr double kSettling_per_s = 4.0;
   static constexpr double kSettledFor_s = 5.0;
@@ -64,13 +68,20 @@ class Settling {
     double calm_s = 0.0;    ///< time for which it has been slower
     double patience_s = kPatience_s;
     double settled_s = 0.0;
-    BodyState place;       ///< place at which it began to settle
+    BodyState place;     ///< place at which it began to settle
+    BodyState turn;      ///< place at which it last turned back
+    BodyState farthest;  ///< from the turn, since
+    double farthest_m = 0.0;
+    double swing_m = 0.0;  ///< way between the last two turns
+    bool swings = false;
+    bool touches = false;
     bool slips = false;    ///< has a contact without friction
     bool settles = false;  ///< with all bodies of its island
     bool is_damped = false;
 
-    [[nodiscard]] bool is_calm() const noexcept { return calm_s >= patience_s && !slips; }
+    [[nodiscard]] bool is_calm() const noexcept { return calm_s >= patience_s && touches && !slips; }
   };
+  static void follow_swing(Thing& thing, const BodyState& now);
 
   const Scene& scene_;
   bool asked_;

@@ -80,8 +80,15 @@ void ModuleEngine::step(double dt) {
     simulate(h);
     clock_.ends(&EngineTimes::solving_s);
     for (const std::uint32_t id : movable_) {
-      slots_[id].after = read(slots_[id]);
-      slots_[id].known = true;
+      Slot& slot = slots_[id];
+      slot.after = read(slot);
+      slot.known = true;
+      if (!slot.turn) continue;
+      const Vec3 rest = slot.turn->rest(slot.after.orientation, slot.inertia);
+      put_velocities(slot, slot.after.linear_velocity, slot.after.angular_velocity + rest);
+      slot.after = read(slot);
+      stepped_[id].loaded.angular_velocity += rest;  // no friction has done that
+      slot.turn.reset();
     }
     found_.clear();
     collect();
@@ -99,10 +106,13 @@ void ModuleEngine::step(double dt) {
 void ModuleEngine::apply_loads(double h) {
   stepped_.resize(slots_.size());
   for (const std::uint32_t id : movable_) {
-    const Slot& slot = slots_[id];
+    Slot& slot = slots_[id];
     Load next{h, state_of(slot), slot.rotates && feels_gyroscopic_torque(slot.inertia), slot.weight + slot.force, {}};
     Vec3& spin = next.now.angular_velocity;
-    if (next.turned) spin = turned_freely(next.now.orientation, slot.inertia, spin, h);
+    if (next.turned) {
+      slot.turn = turn_freely(next.now.orientation, slot.inertia, spin, h);
+      spin = slot.turn->mean;
+    }
     next.loaded = accelerated(slot, next.now, h * next.force, h * slot.torque);
     load(slot, next);
     stepped_[id] = {slot.mass, slot.inertia, next.loaded};

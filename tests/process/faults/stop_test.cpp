@@ -72,6 +72,20 @@ INSTANTIATE_TEST_SUITE_P(Runs, StopMode, ::testing::Values("lockstep"), [](const
 INSTANTIATE_TEST_SUITE_P(FullRealtime, StopMode, ::testing::Values("realtime"),
                          [](const auto& one) { return one.param; });
 
+TEST_F(Stop, UnderNohupAHangupEndsNothing) {
+  Words words = run_words(scene("press"), {"--mode", "lockstep", "--duration", "1000"});
+  words.insert(words.begin(), "/usr/bin/nohup");
+  process_.emplace(words, folder_.path());
+  const auto steps = [&] { return read_text(out() + "/haptic_0.csv").size(); };
+  ASSERT_TRUE(eventually([&] { return steps() > 10000; })) << process_->err();
+  for (const char* name : {"subworld", "world_sim", "haptic_sim", "device_sim"}) kill(find(name), SIGHUP);
+  const std::size_t before = steps();
+  EXPECT_TRUE(eventually([&] { return steps() > before + 10000; })) << process_->err();
+  process_->signal(SIGTERM);
+  EXPECT_EQ(expect_end(), 0);
+  expect_stopped_by("SIGTERM");
+}
+
 TEST_F(Stop, WhileTheWorldSettles) {
   std::string text = read_text(scene("heap"));
   const std::string settle = "settle: {duration_s: 3,";

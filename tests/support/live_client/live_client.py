@@ -256,8 +256,9 @@ async def token(address):
         answer = answer_to(address, upgrade(more=more, path=path))
         assert b" 401 " in answer and b"token" in answer and right.encode() not in answer, answer[:200]
     await (await Viewer.open(f"{address}/?token={right}")).socket.close()
-    headers = {"Authorization": f"Bearer {right}"}
-    await (await websockets.connect(address, subprotocols=PROTOCOLS, extra_headers=headers)).close()
+    for scheme in ("Bearer", "bearer"):
+        headers = {"Authorization": f"{scheme} {right}"}
+        await (await websockets.connect(address, subprotocols=PROTOCOLS, extra_headers=headers)).close()
 
 
 async def verdict(address):

@@ -167,6 +167,21 @@ TEST_F(Limits, ASizeInMillimetresOrAMassInGrams) {
                   HasSubstr("second (5e+05 kg/m3); was its mass meant in g? Write it in kg")));
 }
 
+TEST_F(Limits, AHullInMillimetres) {
+  Mesh tetrahedron;
+  tetrahedron.vertices = {{0, 0, 0}, {100, 0, 0}, {0, 100, 0}, {0, 0, 100}};
+  tetrahedron.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  scene.meshes.push_back(tetrahedron);
+  scene.bodies[1].shape = {};
+  scene.bodies[1].shape.kind = ShapeKind::convex;
+  scene.bodies[1].shape.mesh = 0;
+  scene.bodies[1].mass = 0.2;
+  scene.settings.world.name = "bullet";
+  scene.initial[1].position = {0, 1000, 50};
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("no material has the density of first (1.2e-06 kg/m3); were its "
+                                                "measures meant in mm?")));
+}
+
 TEST_F(Limits, ABodyAtRestThatNothingSupports) {
   scene.bodies[2].at_rest = true;
   EXPECT_THAT(warnings(), IsEmpty());

@@ -1,4 +1,5 @@
 #include "model/shapes/mass_properties.hpp"
+#include "model/shapes/shape_extent.hpp"
 #include "model/trigonometry.hpp"
 #include "support/scene_text.hpp"
 
@@ -8,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <utility>
 
 namespace subworld {
@@ -162,11 +164,91 @@ TEST(ConvexHull, OfABallOfPointsApproachesTheBall) {
   EXPECT_NEAR(integrate(hull).volume / (4.0 / 3.0 * M_PI), 1.0, 0.01);
 }
 
+// Drawing programs divide faces and round coordinates: almost coplanar points by the hundred, the last digits of them
+// noise of any size.
+TEST(ConvexHull, OfRoundedPointsOnABoxIsTheBox) {
+  std::mt19937 random(7);
+  for (const double noise : {0.0, 1e-12, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4}) {
+    for (const double turn : {0.0, 0.7}) {
+      std::uniform_real_distribution<double> off(-noise, noise);
+      const Quat orientation(Eigen::AngleAxisd(turn, Vec3(1, 2, 3).normalized()));
+      Mesh mesh;
+      for (int axis = 0; axis < 3; ++axis) {
+        for (int i = 0; i <= 8; ++i) {
+          for (int k = 0; k <= 8; ++k) {
+            for (const double side : {-0.5, 0.5}) {
+              Vec3 p;
+              p[axis] = side;
+              p[(axis + 1) % 3] = i / 8.0 - 0.5;
+              p[(axis + 2) % 3] = k / 8.0 - 0.5;
+              mesh.vertices.emplace_back(orientation * Vec3(p + Vec3(off(random), off(random), off(random))));
+            }
+          }
+        }
+      }
+      const Mesh hull = convex_hull(mesh);
+      EXPECT_TRUE(closed(hull)) << noise << " at " << turn;
+      EXPECT_NEAR(integrate(hull).volume, 1.0, 6.0 * noise + 1e-9) << noise << " at " << turn;
+    }
+  }
+}
+
 TEST(ConvexHull, OfAPlaneIsEmpty) {
   Mesh mesh;
   mesh.vertices = {Vec3(0, 0, 1), Vec3(1, 0, 1), Vec3(0, 1, 1), Vec3(1, 1, 1), Vec3(0.5, 0.5, 1)};
   EXPECT_TRUE(convex_hull(mesh).triangles.empty());
   EXPECT_TRUE(convex_hull(Mesh{}).triangles.empty());
+}
+
+/// A pillar of 0.1 x 0.2 x 0.6 m, the long side along `up` (1: y, 2: z).
+Mesh pillar_along(int up) {
+  Vec3 half(0.05, 0.1, 0.1);
+  half[up] = 0.3;
+  return box_mesh(half, {});
+}
+
+/// The same as a Collada file.
+std::string as_collada(const Mesh& mesh, const char* up_axis) {
+  std::string places, corners;
+  for (const Vec3& v : mesh.vertices) places += fmt::format("{} {} {} ", v.x(), v.y(), v.z());
+  for (const auto& t : mesh.triangles) corners += fmt::format("{} {} {} ", t[0], t[1], t[2]);
+  return fmt::format(R"(<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified><up_axis>{}</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="{}">{}</float_array><technique_common>
+<accessor source="#pa" count="{}" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor>
+</technique_common></source><vertices id="vs"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="{}"><input semantic="VERTEX" source="#vs" offset="0"/><p>{}</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="v"><node id="n"><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#v"/></scene></COLLADA>)",
+                     up_axis, 3 * mesh.vertices.size(), places, mesh.vertices.size(), mesh.triangles.size(), corners);
+}
+
+/// Half the height of the body that a mesh file gives.
+double half_height_m(const std::string& file, const std::string& content, const std::string& keys = "") {
+  const TemporaryFolder folder;
+  folder.write(file, content);
+  const Scene scene = load_scene(folder.write(
+      "scene.yaml", fmt::format("name: up\nbodies:\n  - {{name: pillar, shape: convex, file: {}, density_kg_m3: "
+                                "1000{}}}\nusers:\n  - {{name: idle, proxy: {{shape: sphere, radius_m: 0.01, mass_kg: "
+                                "0.1, position_m: [0, 5, 0]}}}}\n",
+                                file, keys)));
+  return bounds(scene.bodies[0].shape, scene.initial[0], scene.meshes).upper.z();
+}
+
+TEST(MeshFile, ItsUpAxisBecomesZ) {
+  EXPECT_NEAR(half_height_m("a.dae", as_collada(pillar_along(2), "Z_UP")), 0.3, 1e-6);
+  EXPECT_NEAR(half_height_m("a.dae", as_collada(pillar_along(1), "Y_UP")), 0.3, 1e-6);
+  EXPECT_NEAR(half_height_m("a.obj", as_obj(pillar_along(2))), 0.3, 1e-6);
+  EXPECT_NEAR(half_height_m("a.obj", as_obj(pillar_along(1)), ", up: y"), 0.3, 1e-6);
+}
+
+TEST(MeshFile, IsRefusedWhereItsNumbersHaveTooFewDigits) {
+  const Mesh far = box_mesh(Vec3::Constant(0.05), {Vec3(1e5, 0, 0), Quat::Identity()});
+  EXPECT_THROW((void)half_height_m("a.obj", as_obj(far)), Error);
+  const Mesh near = box_mesh(Vec3::Constant(0.05), {Vec3(10, 0, 0), Quat::Identity()});
+  EXPECT_NEAR(half_height_m("a.obj", as_obj(near)), 0.05, 1e-5);
 }
 
 /// A box as a mesh, at any place in its file, is positioned and moves like the box itself.

@@ -49,8 +49,8 @@ inline btScalar same_within(const btCollisionObject& a, const btCollisionObject&
   return scalar(kSame * std::min(size(a), size(b)));
 }
 
-inline void write(btPersistentManifold& manifold, const Points& points, const btCollisionObject& a, const btCollisionObject& b,
-           btScalar same) {
+inline void write(btPersistentManifold& manifold, const Points& points, const btCollisionObject& a,
+                  const btCollisionObject& b, btScalar same) {
   const btScalar reach = manifold.getContactBreakingThreshold();
   ManifoldWriter writer(manifold, reach, same);
   std::array<LastPoint, kMostPoints> before;
