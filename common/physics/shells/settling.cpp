@@ -37,10 +37,10 @@ void Settling::watch(BodyId id, const BodyState& now, double speed_m_s, double d
   Thing& thing = things_[index(id)];
   thing.calm_s = speed_m_s < thing.calm_m_s ? thing.calm_s + dt : 0.0;
   if (thing.calm_s > dt) {
-    follow_swing(thing, now);
+    follow_turns(thing, now);
   } else {
     thing.turn = thing.farthest = now;
-    thing.farthest_m = thing.swing_m = 0.0;
+    thing.farthest_m = thing.between_turns_m = 0.0;
   }
   if (!thing.settles) return;
   thing.settled_s += dt;
@@ -50,17 +50,17 @@ void Settling::watch(BodyId id, const BodyState& now, double speed_m_s, double d
   thing.patience_s *= 2.0;
 }
 
-void Settling::follow_swing(Thing& thing, const BodyState& now) {
+void Settling::follow_turns(Thing& thing, const BodyState& now) {
   double way_m = moved_m(thing.turn, now, thing.arm_m);
   if (way_m > thing.farthest_m) {
     thing.farthest = now;
     thing.farthest_m = way_m;
   } else if (way_m < kTurned * thing.farthest_m) {
-    thing.swing_m = thing.farthest_m;
+    thing.between_turns_m = thing.farthest_m;
     thing.turn = std::exchange(thing.farthest, now);
     thing.farthest_m = way_m = moved_m(thing.turn, now, thing.arm_m);
   }
-  thing.swings = way_m <= kGrowth * thing.swing_m;
+  thing.oscillates = way_m <= kGrowth * thing.between_turns_m;
 }
 
 void Settling::restart(BodyId id) { things_[index(id)].calm_s = things_[index(id)].settled_s = 0.0; }
@@ -93,7 +93,7 @@ void Settling::damp(std::span<const BodyId> awake, Engine& engine, double dt) co
   const double left = std::exp(-kSettling_per_s * dt);
   for (const BodyId id : awake) {
     const Thing& thing = things_[index(id)];
-    if (!thing.settles || !thing.is_damped || !thing.swings) continue;
+    if (!thing.settles || !thing.is_damped || !thing.oscillates) continue;
     const BodyState now = engine.state(id);
     engine.set_velocity(id, left * now.linear_velocity, left * now.angular_velocity);
   }

@@ -14,11 +14,11 @@ namespace subworld {
 ///
 /// Bodies that are connected by contacts *settle* while three conditions hold: for `kPatience_s` none of them has had
 /// the energy to rise by `kLift` of its thickness; one is not still; and no operator may reach any of them. Then the
-/// velocity of each body that *swings* is damped at the rate `kSettling_per_s`. It swings while it is no farther from
-/// the point at which it last turned back than its last swing was long, with `kGrowth`. So a body that only goes on,
-/// as one that begins to slide or to fall over, is not damped. Gliding, rolling, floating and flying bodies never are:
-/// bodies without weight, friction or contacts, and round ones. A body that leaves its place by `kPlace` must be calm
-/// for twice as long from then on.
+/// velocity of each body that *oscillates* is damped at the rate `kSettling_per_s`. It oscillates while it is no
+/// farther from the point at which it last turned back than `kGrowth` of the way between its last two such points. So a
+/// body that only goes on, as one that begins to slide or to fall over, is not damped. Gliding, rolling, floating and
+/// flying bodies never are: bodies without weight, friction or contacts, and round ones. A body that leaves its place
+/// by `kPlace` must be calm for twice as long from then on.
 ///
 /// A body that has settled for `kSettledFor_s` is moved by the solver only. It counts as still while it stays within
 /// `kTremble` of one place, and also while it creeps from one such place to the next in no less than `kCreep_s`: in a
@@ -72,8 +72,8 @@ class Settling {
     BodyState turn;      ///< place at which it last turned back
     BodyState farthest;  ///< from the turn, since
     double farthest_m = 0.0;
-    double swing_m = 0.0;  ///< way between the last two turns
-    bool swings = false;
+    double between_turns_m = 0.0;  ///< way between the last two turns
+    bool oscillates = false;
     bool touches = false;
     bool slips = false;    ///< has a contact without friction
     bool settles = false;  ///< with all bodies of its island
@@ -81,7 +81,7 @@ class Settling {
 
     [[nodiscard]] bool is_calm() const noexcept { return calm_s >= patience_s && touches && !slips; }
   };
-  static void follow_swing(Thing& thing, const BodyState& now);
+  static void follow_turns(Thing& thing, const BodyState& now);
 
   const Scene& scene_;
   bool asked_;

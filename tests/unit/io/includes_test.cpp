@@ -50,13 +50,13 @@ const std::vector<Foreign>& foreign() {
       {"Havok", std::regex("havok\\.h"), std::regex("common/physics/havok/.*")},
       {"PhysX", std::regex("physx\\.h"), std::regex("common/physics/physx/.*")},
       {"Rapier", std::regex("rapier\\.h"), std::regex("common/physics/rapier/.*")},
-      {"yaml-cpp", std::regex("yaml-cpp/.*"), std::regex("common/model/yaml_tree\\.cpp")},
-      {"Assimp", std::regex("assimp/.*"), std::regex("common/model/mesh_file\\.cpp")},
+      {"yaml-cpp", std::regex("yaml-cpp/.*"), std::regex("common/model/scene/yaml_tree\\.cpp")},
+      {"Assimp", std::regex("assimp/.*"), std::regex("common/model/scene/mesh_file\\.cpp")},
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
       {"JSON", std::regex("nlohmann/.*"), std::regex("common/io/.*")},
       {"libwebsockets", std::regex("libwebsockets\\.h"), std::regex("gui_headless/live/(session|server)\\.cpp")},
-      {"command lines", std::regex("CLI/.*"), std::regex("common/io/command_line\\.cpp")},
-      {"zlib", std::regex("zlib\\.h"), std::regex("common/io/mcap_.*\\.cpp")},
+      {"command lines", std::regex("CLI/.*"), std::regex("common/io/options/command_line\\.cpp")},
+      {"zlib", std::regex("zlib\\.h"), std::regex("common/io/records/mcap_.*\\.cpp")},
       {"PNG", std::regex("png\\.h"), std::regex("gui_headless/picture\\.cpp")},
   };
   return kAll;
