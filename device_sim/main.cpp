@@ -51,11 +51,12 @@ int main(int argc, char** argv) {
       device = std::make_unique<EmulatedDevice>(scene.users[user].device, number);
     }
     DeviceGuard guard(limited, user, realtime ? kFadeIn_s : 0.0);
-    watch_stop_signals(kLongestEnd_s);                    // from here on an orderly end is needed
-    if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
+    watch_stop_signals(kLongestEnd_s);  // from here on an orderly end is needed
+    if (realtime) lock_memory();
+    const std::set<pid_t> before = own_threads();
     DevicePorts ports(options, scene);
+    if (realtime) raise_threads_since(before, priority::kMiddleware);
     Leave leave;
-    if (realtime) leave_realtime();
     DeviceMeasures measures(options, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("device_sim {}: {}\n", options.user, ports.bus->effective_settings());
     const std::string last =

@@ -13,11 +13,12 @@ int main(int argc, char** argv) {
     SubWorld sub(scene, static_cast<std::size_t>(options.user));
     EngineExchange exchange(
         realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
-    watch_stop_signals(kLongestEnd_s);                    // from here on there is something to end in order
-    if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
+    watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
+    if (realtime) lock_memory();
+    const std::set<pid_t> before = own_threads();
     HapticPorts ports(options, scene);
+    if (realtime) raise_threads_since(before, priority::kMiddleware);
     Leave leave;
-    if (realtime) leave_realtime();
     HapticMeasures measures(options, scene, [&](std::string text) { ports.status.note(std::move(text)); });
     fmt::print("haptic_sim {}: {}\n", options.user, ports.bus->effective_settings());
     const std::string last =

@@ -99,9 +99,10 @@ int main(int argc, char** argv) {
     const std::optional<WorldCheckpoint> from = checkpoint_of(options, scene);
     const std::optional<Scene> resumed = from ? std::optional(resumed_scene(scene, *from)) : std::nullopt;
 
-    if (realtime) claim_realtime(priority::kMiddleware);  // the middleware's threads inherit it
+    if (realtime) lock_memory();
+    const std::set<pid_t> before = own_threads();
     WorldPorts ports(options, scene);
-    if (realtime) leave_realtime();
+    if (realtime) raise_threads_since(before, priority::kMiddleware);
     const auto say = [&](std::string text) { ports.status.note(std::move(text)); };
     WorldMeasures measures(options, scene, say);
     if (from && options.resume == options.out) measures.goes_back();

@@ -54,16 +54,16 @@ FreeTurn turn_freely(const Quat& orientation, const Vec3& inertia, const Vec3& a
     const Vec3 miss = inertia.cwiseProduct(after) - seen;
     if (!(miss.norm() > kMiss * momentum.norm())) {
       if (!after.allFinite()) break;
-      return {orientation * Vec3(0.5 * (before + after)), orientation * momentum, true};
+      return {orientation * Vec3(0.5 * (before + after)), after, true};
     }
     const Eigen::Matrix3d slope = inertia_matrix - 0.5 * dt * cross_matrix(seen) * left_jacobian(turn);
     after -= slope.inverse() * miss;
   }
-  return {angular_velocity, orientation * momentum, false};
+  return {angular_velocity, before, false};
 }
 
-Vec3 FreeTurn::rest(const Quat& orientation_after, const Vec3& inertia) const noexcept {
-  return solved ? Vec3(spun_up(orientation_after, inertia, momentum) - mean) : Vec3(Vec3::Zero());
+Vec3 FreeTurn::end(const Quat& orientation_after, const Vec3& spin) const noexcept {
+  return solved ? Vec3(orientation_after * after + (spin - mean)) : spin;
 }
 
 }  // namespace subworld

@@ -12,12 +12,13 @@ namespace subworld {
 /// An engine is given it around its step, because engines have the gyroscopic torque explicit (gains energy), implicit
 /// (loses energy) or not at all.
 struct FreeTurn {
-  Vec3 mean = Vec3::Zero();      ///< rad/s, world frame: by it the engine turns the body
-  Vec3 momentum = Vec3::Zero();  ///< N m s, world frame
-  bool solved = false;           ///< not where a step turns the body by more than about half a turn
+  Vec3 mean = Vec3::Zero();   ///< rad/s, world frame: by it the engine turns the body
+  Vec3 after = Vec3::Zero();  ///< rad/s, body frame
+  bool solved = false;        ///< not where a step turns the body by more than about half a turn
 
-  /// What to add to the angular velocity (rad/s) after the step.
-  [[nodiscard]] Vec3 rest(const Quat& orientation_after, const Vec3& inertia) const noexcept;
+  /// The angular velocity (rad/s, world frame) after the step, where the engine has `spin`. An engine that turns
+  /// inexactly changes the direction of the momentum only.
+  [[nodiscard]] Vec3 end(const Quat& orientation_after, const Vec3& spin) const noexcept;
 };
 /// Before a step of `dt` (s); `angular_velocity` in the world frame (rad/s).
 [[nodiscard]] FreeTurn turn_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity,

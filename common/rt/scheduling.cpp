@@ -8,7 +8,9 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
+#include <filesystem>
 
 namespace subworld {
 
@@ -18,14 +20,8 @@ Scheduling claim_realtime(int priority) {
   parameter.sched_priority = priority;
   got.fifo = sched_setscheduler(0, SCHED_FIFO, &parameter) == 0;
   const int fifo_error = errno;
-  // Under a limit, locking future memory would make a later allocation fail.
-  rlimit limit{};
-  const bool unlimited = geteuid() == 0 || (getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY);
-  got.memory_locked = mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
-  const int lock_error = errno;
-  // The process does not return freed memory: a later allocation would page-fault in the loop.
-  mallopt(M_TRIM_THRESHOLD, -1);
-  mallopt(M_MMAP_MAX, 0);
+  const int lock_error = lock_memory();
+  got.memory_locked = lock_error == 0;
   got.text = got.fifo ? fmt::format("SCHED_FIFO {}", priority)
                       : fmt::format("default scheduling ({}; cure: run as root, or allow rtprio in limits.conf)",
                                     std::strerror(fifo_error));
@@ -33,6 +29,34 @@ Scheduling claim_realtime(int priority) {
                                 : fmt::format(", memory not locked ({}; cure: raise memlock in limits.conf)",
                                               std::strerror(lock_error));
   return got;
+}
+
+int lock_memory() noexcept {
+  // Under a limit, locking future memory would make a later allocation fail.
+  rlimit limit{};
+  const bool unlimited = geteuid() == 0 || (getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY);
+  const int error = mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0 ? 0 : errno;
+  // The process does not return freed memory: a later allocation would page-fault in the loop.
+  mallopt(M_TRIM_THRESHOLD, -1);
+  mallopt(M_MMAP_MAX, 0);
+  return error;
+}
+
+std::set<pid_t> own_threads() {
+  std::set<pid_t> threads;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task", ignored))
+    threads.insert(std::atoi(entry.path().filename().c_str()));
+  return threads;
+}
+
+void raise_threads_since(const std::set<pid_t>& before, int priority) {
+  sched_param parameter{};
+  parameter.sched_priority = priority;
+  for (const pid_t thread : own_threads()) {
+    if (!before.contains(thread) && sched_getscheduler(thread) == SCHED_OTHER)
+      sched_setscheduler(thread, SCHED_FIFO, &parameter);
+  }
 }
 
 bool keep_to_cores(std::span<const int> cores) noexcept {

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <sys/types.h>
+
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,6 +28,17 @@ inline constexpr int kWorld = 60;
 /// Requests SCHED_FIFO at `priority` for the calling thread and the threads that it creates from now on, and locks
 /// memory.
 Scheduling claim_realtime(int priority);
+
+/// Locks memory, present and future. Takes milliseconds: call it before real-time priority. Returns 0 or errno.
+int lock_memory() noexcept;
+
+/// The threads of this process, by their numbers.
+[[nodiscard]] std::set<pid_t> own_threads();
+
+/// Gives SCHED_FIFO at `priority` to the threads of this process that have been started since `before` and have default
+/// scheduling: others start them, as a middleware does. A program that starts beside others that feel a hand opens its
+/// middleware with default scheduling, because opening takes longer than a hand can wait.
+void raise_threads_since(const std::set<pid_t>& before, int priority);
 
 /// Restricts the calling thread, and the threads that it creates from now on, to these cores. False if one of them does
 /// not exist or is not allowed.

@@ -71,6 +71,30 @@ void warn_of_the_planes_end(const Scene& scene, const Place& at, std::vector<std
   }
 }
 
+/// Bodies so far from the origin that the engine's digits do not suffice for them.
+void warn_of_far_bodies(const Scene& scene, const Place& at, std::vector<std::string>& out) {
+  constexpr double kFine = 1e-3;  // of a body's thickness
+  double precision = 0.0;
+  try {
+    precision = make_engine(at.settings, scene.meshes)->capabilities().precision;
+  } catch (const Error&) {
+    return;  // named when the run begins
+  }
+  const auto rounding_m = [&](const Body& body) {
+    return precision * scene.initial[index(body.id)].position.cwiseAbs().maxCoeff();
+  };
+  const std::vector<std::string> far = names_of(scene, [&](const Body& body) {
+    return !body.fixed() && rounding_m(body) > kFine * thickness(body.shape, scene.meshes);
+  });
+  if (far.empty()) return;
+  double most_m = 0.0;
+  for (const Body& body : scene.bodies) most_m = std::max(most_m, body.fixed() ? 0.0 : rounding_m(body));
+  out.push_back(
+      fmt::format("{}: {} rounds positions to {:.1g} m so far from the origin, too coarse for {}; move the "
+                  "scene to the origin, or choose an engine of double precision",
+                  at.name, at.plugin.name, most_m, listed(far)));
+}
+
 void warn_of_iterations(const Place& at, std::vector<std::string>& out) {
   const int most = at.plugin.limits.iterations;
   if (!at.settings.iterations || *at.settings.iterations <= most) return;
@@ -254,6 +278,7 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
                           Place{"haptic", s.haptic, engine_plugin(s.haptic.name), s.h_s}}) {
     warn_of_small_boxes(scene, at, out);
     warn_of_the_planes_end(scene, at, out);
+    warn_of_far_bodies(scene, at, out);
     warn_of_iterations(at, out);
     warn_of_heavy_on_light(scene, at, out);
     warn_of_speed(scene, at, out);

@@ -14,7 +14,7 @@
 #include "wire/bus.hpp"
 
 #include <fmt/core.h>
-#include <spawn.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -94,13 +94,19 @@ std::string folder_of(const ReplayRequest& request) {
   return folder;
 }
 
+/// It is told to end when this program ends, in whichever way.
 pid_t start_program(const std::vector<std::string>& words) {
   std::vector<char*> argv;
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
-  pid_t pid = -1;
-  if (const int fault = posix_spawn(&pid, argv[0], nullptr, nullptr, argv.data(), environ); fault != 0)
-    throw Error(ExitCode::failed, fmt::format("{}: {}", words[0], std::strerror(fault)));
+  const pid_t parent = getpid(), pid = fork();
+  if (pid == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() == parent) execv(argv[0], argv.data());
+    dprintf(STDERR_FILENO, "%s: %s\n", argv[0], std::strerror(errno));
+    _exit(1);
+  }
+  if (pid < 0) throw Error(ExitCode::failed, fmt::format("{}: {}", words[0], std::strerror(errno)));
   return pid;
 }
 
@@ -184,6 +190,7 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
     words.insert(words.end(), {"--set", fmt::format("duration_s={}", simulated_s)});
   words.insert(words.end(), {"--set", "mode=lockstep", "--dds", recorded.settings.value("dds", std::string("fastdds")),
                              "--out", folder});
+  if (request.domain >= 0) words.insert(words.end(), {"--domain", std::to_string(request.domain)});
   // What was ordered, and who came and went.
   if (!recorded.presence().empty()) words.insert(words.end(), {"--set", "presence=" + recorded.presence()});
   std::fflush(stdout);

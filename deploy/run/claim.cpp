@@ -103,6 +103,22 @@ int claim_domain(int wanted, FileLock& lock) {
                           kLastDomain));
 }
 
+void check_outputs(const Options& options) {
+  const auto check = [](const char* flag, const std::string& path, std::string_view begin) {
+    std::error_code none;
+    if (path.empty() || !std::filesystem::is_regular_file(path, none) || std::filesystem::file_size(path, none) == 0)
+      return;
+    std::string held(begin.size(), '\0');
+    std::ifstream(path, std::ios::binary).read(held.data(), static_cast<std::streamsize>(held.size()));
+    if (held != begin)
+      throw Error(ExitCode::usage, fmt::format("{} {}: the file holds something else, which the run would replace; "
+                                               "choose another name, or remove it",
+                                               flag, path));
+  };
+  check("--record", options.record, "\x89MCAP");
+  check("--trace", options.trace, "[");
+}
+
 void claim_folder(std::string& folder, const std::string& scene, FileLock& lock) {
   if (folder.empty()) {
     const std::string wanted = fmt::format("out/{}-{}", scene, local_time("%Y%m%d-%H%M%S"));

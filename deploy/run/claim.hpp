@@ -32,6 +32,10 @@ inline constexpr const char* kReportMark = "Written by Subworld";
 /// negative. Throws `Error` (middleware).
 [[nodiscard]] int claim_domain(int wanted, FileLock& lock);
 
+/// Refuses a file of --record or --trace that holds something else than an earlier one: the run would replace it.
+/// Throws `Error` (usage).
+void check_outputs(const Options& options);
+
 /// Reserves the folder that the user named for this run, and deletes the results of an earlier one; or makes a new one,
 /// named after the scene and the time. Throws `Error` (usage, failed).
 void claim_folder(std::string& folder, const std::string& scene, FileLock& lock);

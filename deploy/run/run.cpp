@@ -79,6 +79,8 @@ class Run {
   /// Reserves what no other run may use, and the files of the results.
   void claim() {
     Options& options = request_.options;
+    check_outputs(options);
+    if (!session_.has_file()) session_.domain = claim_domain(request_.domain, domain_lock_);
     claim_folder(options.out, session_.name, folder_lock_);
     std::filesystem::remove_all(out() + "/hosts");
     if (request_.host.empty())
@@ -88,7 +90,6 @@ class Run {
     messages_.emplace(sizes_of_messages(run_.scene, request_.gui, records),
                       MessageMemory::Config{.recorded = records, .waits = records && !run_.realtime()});
     if (records) recording_ = std::make_unique<Recording>(options.record, recorded(), *messages_);
-    if (!session_.has_file()) session_.domain = claim_domain(request_.domain, domain_lock_);
   }
 
   void print_heading() const {

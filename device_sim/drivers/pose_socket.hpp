@@ -14,7 +14,7 @@
 namespace subworld {
 
 /// Receives the poses of one sender at a time, and answers with wrenches. Another sender may take over when the first
-/// one has sent nothing for 0.1 s.
+/// one has sent nothing for 0.1 s. An address on this machine takes those of the own user and of root only.
 class PoseSocket {
  public:
   PoseSocket() = default;
@@ -26,6 +26,9 @@ class PoseSocket {
   void open(const sockaddr* own, socklen_t size, const std::string& name) {
     socket_ = socket(own->sa_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (socket_ < 0) fail("socket");
+    const int on = 1;
+    is_local_ = own->sa_family == AF_UNIX;
+    if (is_local_ && setsockopt(socket_, SOL_SOCKET, SO_PASSCRED, &on, sizeof on) != 0) fail("socket");
     if (bind(socket_, own, size) != 0) fail(name);
   }
   void close() {
@@ -40,13 +43,24 @@ class PoseSocket {
     for (int i = 0; i < kMostAtOnce; ++i) {
       PoseDatagram came{};
       Sender from;
-      const ssize_t bytes = recvfrom(socket_, &came, sizeof came, MSG_TRUNC, from.get(), &from.size);
+      iovec part{&came, sizeof came};
+      alignas(cmsghdr) char control[CMSG_SPACE(sizeof(ucred))] = {};
+      msghdr message{};
+      message.msg_name = from.get();
+      message.msg_namelen = from.size;
+      message.msg_iov = &part;
+      message.msg_iovlen = 1;
+      message.msg_control = control;
+      message.msg_controllen = sizeof control;
+      const ssize_t bytes = recvmsg(socket_, &message, MSG_TRUNC | MSG_CMSG_CLOEXEC);
+      from.size = message.msg_namelen;
       if (bytes < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) break;
       if (bytes < 0) {
         if (errno == ECONNREFUSED || errno == EINTR) continue;
         fail("receive");
       }
-      if (bytes != sizeof came || came.mark != kPoseMark || !accepts(from, came)) continue;
+      if (bytes != sizeof came || came.mark != kPoseMark || (is_local_ && !is_of_own_user(message))) continue;
+      if (!accepts(from, came)) continue;
       take(came);
       fresh = true;
     }
@@ -78,6 +92,14 @@ class PoseSocket {
     throw std::runtime_error(what + ": " + std::strerror(errno));
   }
 
+  static bool is_of_own_user(const msghdr& message) {
+    const cmsghdr* const head = CMSG_FIRSTHDR(&message);
+    if (head == nullptr || head->cmsg_type != SCM_CREDENTIALS) return false;
+    ucred sender{};
+    std::memcpy(&sender, CMSG_DATA(head), sizeof sender);
+    return sender.uid == geteuid() || sender.uid == 0;
+  }
+
   /// One sender at a time, and only datagrams that are newer than the last one.
   bool accepts(const Sender& from, const PoseDatagram& came) {
     const auto now = Clock::now();
@@ -94,6 +116,7 @@ class PoseSocket {
   }
 
   int socket_ = -1;
+  bool is_local_ = false;
   Sender sender_{.storage = {}, .size = 0};
   Clock::time_point heard_;
   std::uint32_t number_ = 0;

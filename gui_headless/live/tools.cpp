@@ -149,8 +149,8 @@ void Tools::send(Tool& tool, PoseDatagram pose) noexcept {
 }
 
 std::string Tools::schema() {
-  return "@final struct Tool {\n  unsigned long user;\n  unsigned long holder;\n};\n"
-         "@final struct Tools {\n  sequence<Tool> tools;\n};\n";
+  return "module subworld {\nmodule msg {\n@final struct Tool {\n  unsigned long user;\n  unsigned long holder;\n};\n"
+         "@final struct Tools {\n  sequence<Tool> tools;\n};\n};\n};\n";
 }
 
 std::vector<std::uint8_t> Tools::state() const {

@@ -283,6 +283,33 @@ TEST_F(CommandLine, AFolderIsForOneRunAndHoldsItsResultsAlone) {
   EXPECT_TRUE(std::filesystem::exists(out() + "/notes.txt")) << "a file of the user";
 }
 
+TEST_F(CommandLine, AFileThatNoRunHasMadeIsNotReplaced) {
+  const std::string mine = folder_.write("mine.yaml", "name: mine\n");
+  for (const char* flag : {"--record", "--trace"}) {
+    const Ended ended = run(scene("press"), {"--duration", "0.05", flag, mine});
+    EXPECT_EQ(ended.code, 2);
+    expect_says(ended, {flag, mine, "another name"});
+    EXPECT_EQ(read_text(mine), "name: mine\n");
+  }
+}
+
+TEST_F(CommandLine, ARecordingIsForOneRunAndStaysWhereARunIsRefused) {
+  const std::string file = folder_.path() + "/run.mcap";
+  Process first(run_words(scene("press"), {"--duration", "1000", "--record", file}), folder_.path());
+  ASSERT_TRUE(eventually([&] { return running(out()).size() >= 4; }));
+  const std::string other = folder_.path() + "/other";
+  const Ended same_file = finish({program("subworld"), "run", scene("lift"), "--out", other, "--record", file});
+  EXPECT_EQ(same_file.code, 2);
+  expect_says(same_file, {file, "another run"});
+  const std::string kept = folder_.write("kept.mcap", "\x89MCAP0 an earlier one");
+  const Ended same_domain =
+      finish({program("subworld"), "run", scene("lift"), "--domain", domain_.text(), "--out", other, "--record", kept});
+  EXPECT_EQ(same_domain.code, 3);
+  EXPECT_EQ(read_text(kept), "\x89MCAP0 an earlier one");
+  first.signal(SIGTERM);
+  EXPECT_EQ(first.wait(), 0);
+}
+
 TEST_F(CommandLine, RunsOfOneSecondHaveAFolderEach) {
   const Words words{
       "/bin/sh", "-c",

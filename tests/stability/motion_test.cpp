@@ -11,7 +11,9 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <ostream>
 #include <string>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -28,6 +30,7 @@ struct Choice {
   const char* engine;
   const char* preset;
 };
+void PrintTo(const Choice& choice, std::ostream* out) { *out << choice.engine << ' ' << choice.preset; }
 
 class Motion : public ::testing::TestWithParam<Choice> {
  protected:
@@ -190,6 +193,84 @@ TEST_P(Spins, with_constant_energy_and_momentum) {
   }
 }
 
+// A flat mesh without friction: the edges between its triangles are not there.
+class Glides : public Motion {};
+TEST_P(Glides, over_a_flat_mesh_as_over_a_plane) {
+  const TemporaryFolder folder;
+  std::string mesh;
+  constexpr int kCells = 40;
+  for (int i = 0; i <= kCells; ++i)
+    for (int k = 0; k <= kCells; ++k) mesh += fmt::format("v {} {} 0\n", 0.1 * i - 1.0, 0.1 * k - 1.0);
+  for (int i = 0; i < kCells; ++i) {
+    for (int k = 0; k < kCells; ++k) {
+      const int a = i * (kCells + 1) + k + 1, b = a + kCells + 1;
+      mesh += (i + k) % 2 == 0 ? fmt::format("f {0} {1} {3}\nf {0} {3} {2}\n", a, b, a + 1, b + 1)
+                               : fmt::format("f {0} {1} {2}\nf {1} {3} {2}\n", a, b, a + 1, b + 1);
+    }
+  }
+  folder.write("floor.obj", mesh);
+  const auto [engine, preset] = GetParam();
+  constexpr const char* kRest = ", mass_kg: 0.5, material: smooth, rotates: false, velocity_m_s: [1, 0.07, 0]}\n";
+  scene_ = load_scene(folder.write(
+      "scene.yaml",
+      fmt::format("name: glide\nsettings:\n  duration_s: 2\n{}  world: {{engine: {}, preset: {}}}\nmaterials:\n  "
+                  "smooth: {{friction: 0}}\nbodies:\n  - {{name: floor, shape: mesh, file: floor.obj, fixed: true, "
+                  "material: smooth}}\n  - {{name: ball, shape: sphere, radius_m: 0.03, position_m: [-0.5, 0.5, 0.03]{}"
+                  "  - {{name: puck, shape: cylinder, radius_m: 0.05, length_m: 0.04, position_m: [-0.5, -0.7, 0.02]{}"
+                  "  - {{name: pill, shape: capsule, radius_m: 0.03, length_m: 0.1, position_m: [-0.5, -0.4, 0.03], "
+                  "rotation: {{axis: [0, 1, 0], angle_deg: 90}}{}"
+                  "  - {{name: box, shape: box, size_m: [0.1, 0.1, 0.1], position_m: [-0.5, 0.0, 0.05]{}{}",
+                  kAtOnce, engine, preset, kRest, kRest, kRest, kRest, kIdleUser)));
+  run_.emplace(scene_);
+  ASSERT_TRUE(run_->run());
+  for (const char* name : {"ball", "puck", "pill", "box"}) {
+    EXPECT_NEAR(end(name).linear_velocity.x(), 1.0, 2e-3) << name;
+    EXPECT_NEAR(end(name).linear_velocity.y(), 0.07, 2e-3) << name;
+  }
+}
+
+/// Runs a tool of one user along its path; the force on the operator at each haptic step.
+class Tool : public Motion {
+ protected:
+  const std::vector<Vec3>& feel(const std::string& bodies, const std::string& proxy, const std::string& path,
+                                double duration_s) {
+    const auto [engine, preset] = GetParam();
+    scene_ = load_text(fmt::format(
+        "name: tool\nsettings:\n  duration_s: {}\n{}  world: {{engine: {}, preset: {}}}\n  haptic: {{engine: {}, "
+        "preset: {}}}\nmaterials:\n  smooth: {{friction: 0}}\nbodies:\n{}users:\n  - name: hand\n    proxy: {{{}, "
+        "mass_kg: 0.1, material: smooth, rotates: false, gravity: false}}\n    device:\n      path:\n{}",
+        duration_s, kAtOnce, engine, preset, engine, preset, bodies, proxy, path));
+    keep_users(scene_, 1);
+    run_.emplace(scene_);
+    EXPECT_TRUE(run_->run());
+    return run_->felt[0].on_operator;
+  }
+};
+
+// Nothing touches a tool between two blocks that leave it some play: it feels what it feels without them.
+class Clearance : public Tool {};
+TEST_P(Clearance, is_not_felt) {
+  constexpr const char* kPath = "        - {move: [0, 0, -0.04], during_s: [0.1, 0.6]}\n";
+  for (const char* shape : {"shape: cylinder, radius_m: 0.01, length_m: 0.05", "shape: box, size_m: [0.02, 0.02, 0.05]",
+                            "shape: capsule, radius_m: 0.01, length_m: 0.03"}) {
+    const std::string proxy = fmt::format("{}, position_m: [0, 0, 0.058]", shape);
+    const std::vector<Vec3> free =
+        feel("  - {name: far, shape: plane, fixed: true, position_m: [0, 0, -9]}\n", proxy, kPath, 0.7);
+    for (const double play_m : {5e-5, 1e-4, 5e-4}) {
+      std::string blocks;
+      for (const int side : {-1, 1})
+        blocks += fmt::format(
+            "  - {{name: wall{}, shape: box, size_m: [0.02, 0.006, 0.06], fixed: true, material: "
+            "smooth, position_m: [{}, 0, 0]}}\n",
+            side + 1, side * (0.02 + play_m));
+      const std::vector<Vec3>& felt = feel(blocks, proxy, kPath, 0.7);
+      double most_n = 0.0;
+      for (std::size_t i = 0; i < felt.size(); ++i) most_n = std::max(most_n, (felt[i] - free[i]).norm());
+      EXPECT_LT(most_n, 0.02) << shape << ", play of " << play_m << " m";
+    }
+  }
+}
+
 constexpr Choice kChoices[] = {{"bullet", "fast"}, {"bullet", "quality"}, {"ode", "fast"}, {"ode", "quality"}};
 const auto kName = [](const auto& one) { return fmt::format("{}_{}", one.param.engine, one.param.preset); };
 INSTANTIATE_TEST_SUITE_P(Engines, Slides, ::testing::ValuesIn(kChoices), kName);
@@ -197,6 +278,9 @@ INSTANTIATE_TEST_SUITE_P(Engines, Topples, ::testing::ValuesIn(kChoices), kName)
 INSTANTIATE_TEST_SUITE_P(Engines, Floats, ::testing::ValuesIn(kChoices), kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Falls, ::testing::ValuesIn(kChoices), kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Launched, ::testing::ValuesIn(kChoices), kName);
+INSTANTIATE_TEST_SUITE_P(Bullet, Glides, ::testing::Values(Choice{"bullet", "fast"}, Choice{"bullet", "quality"}),
+                         kName);
+INSTANTIATE_TEST_SUITE_P(Engines, Clearance, ::testing::ValuesIn(kChoices), kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Spins, ::testing::ValuesIn(kChoices), kName);
 
 }  // namespace

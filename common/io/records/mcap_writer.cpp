@@ -4,12 +4,14 @@
 
 #include <fcntl.h>
 #include <fmt/core.h>
+#include <sys/file.h>
 #include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 namespace subworld::mcap {
 
@@ -29,10 +31,15 @@ std::span<const std::uint8_t> bytes_of(std::string_view text) {
 
 }  // namespace
 
-Writer::Writer(const std::string& path)
-    : path_(path), file_(open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644)) {
+Writer::Writer(const std::string& path) : path_(path), file_(open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644)) {
   if (file_ < 0)
     throw Error(ExitCode::failed, fmt::format("{}: {}; choose another file with --record", path, std::strerror(errno)));
+  if (flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    close(std::exchange(file_, -1));
+    throw Error(ExitCode::usage,
+                fmt::format("{}: another run records into this file; choose another one with --record", path));
+  }
+  [[maybe_unused]] const int pipes_cannot = ftruncate(file_, 0);
   put(kMagic);
   Bytes header;
   header.text("");

@@ -61,7 +61,7 @@ class BodyReader {
   void read_mass(const YamlMap& map, const SolidShape& solid, Body& body) const;
   [[nodiscard]] Material read_material(const YamlMap& map) const;
   [[nodiscard]] SolidShape read_shape(const YamlMap& map, bool fixed);
-  [[nodiscard]] SolidShape read_mesh_shape(const YamlMap& map, ShapeKind kind, bool fixed);
+  [[nodiscard]] SolidShape read_mesh_shape(const YamlMap& map, ShapeKind kind);
   [[nodiscard]] Layout read_repeat(const YamlMap& body, const SolidShape& solid) const;
   void require_room(const YamlValue& value, std::int64_t count) const;
   BodyId add(const YamlValue& place, const std::string& name, const Template& made, const Pose& offset);
@@ -69,7 +69,7 @@ class BodyReader {
   Scene& scene_;
   Materials materials_;
   std::unordered_map<std::string, BodyId> names_;
-  std::map<std::tuple<std::string, double, bool, ShapeKind, bool>, SolidShape> meshes_;  ///< each file is read once
+  std::map<std::tuple<std::string, double, bool, ShapeKind>, SolidShape> meshes_;  ///< each file is read once
 };
 
 /// Reads the users and, through `bodies`, their proxies.

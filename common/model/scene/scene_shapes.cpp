@@ -41,16 +41,14 @@ SolidShape primitive(const Shape& shape) {
   return solid;
 }
 
-SolidShape convex_solid(const YamlValue& place, Mesh& mesh, bool fixed) {
-  if (!fixed && !closed(mesh)) {
-    place.fail("the surface is not closed, so it has no mass; close its holes and make all triangles look outwards");
-  }
+SolidShape convex_solid(const YamlValue& place, Mesh& mesh) {
   if (mesh.vertices.size() > kMostHullVertices) {
     place.fail(fmt::format("a convex shape has at most {} vertices, this file has {}; simplify it", kMostHullVertices,
                            mesh.vertices.size()));
   }
   mesh = convex_hull(mesh);
   if (mesh.triangles.empty()) place.fail("the surface is flat, it encloses nothing; use a box or shape: mesh");
+  if (!closed(mesh)) place.fail("no closed convex hull was found around its points; simplify the mesh");
   const PrincipalFrame principal = move_to_principal_frame(mesh);
   SolidShape solid;
   solid.frame = principal.frame;
@@ -85,7 +83,7 @@ SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
   switch (shape.kind) {
     case ShapeKind::convex:
     case ShapeKind::mesh:
-      return read_mesh_shape(map, shape.kind, fixed);
+      return read_mesh_shape(map, shape.kind);
     case ShapeKind::plane:
       break;
     case ShapeKind::box:
@@ -103,7 +101,7 @@ SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
   return primitive(shape);
 }
 
-SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind, bool fixed) {
+SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind) {
   const YamlValue at = map.at("file");
   double scale = 1.0;
   map.read("scale", scale, {.least = 1e-9, .most = 1e9});
@@ -113,8 +111,7 @@ SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind, bool 
     if (tells_up_axis(name)) up->fail(fmt::format("\"{}\" tells its up axis itself; remove the key", name));
     y_up = up->choice({"z", "y"}) == 1;
   }
-  // A fixed and a movable convex of one file have the same shape, but only the movable one must be closed.
-  const std::tuple key(name, scale, y_up, kind, fixed);
+  const std::tuple key(name, scale, y_up, kind);
   if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
   Mesh mesh;
   try {
@@ -123,7 +120,7 @@ SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind, bool 
     at.fail(fmt::format("\"{}\" {}", name, e.what()));
   }
   SolidShape solid;
-  if (kind == ShapeKind::convex) solid = convex_solid(at, mesh, fixed);
+  if (kind == ShapeKind::convex) solid = convex_solid(at, mesh);
   mesh.file = name;
   solid.shape.kind = kind;
   solid.shape.mesh = static_cast<std::uint32_t>(scene_.meshes.size());

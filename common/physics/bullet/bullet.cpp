@@ -251,7 +251,7 @@ class Bullet final : public Adapter<Slot> {
   static void end_turn(Slot& slot) {
     const Quat orientation = from_bullet(slot.body->getWorldTransform().getRotation());
     const Vec3 spin = from_bullet(slot.body->getAngularVelocity());
-    slot.body->setAngularVelocity(to_bullet(spin + slot.turn.rest(orientation, slot.inertia)));
+    slot.body->setAngularVelocity(to_bullet(slot.turn.end(orientation, spin)));
   }
 
   static void set_pose(btRigidBody& body, const BodyState& state) {

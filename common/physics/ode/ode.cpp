@@ -217,7 +217,7 @@ class Ode final : public Adapter<Slot> {
       Slot& slot = slots_[id];
       if (!slot.turn) continue;
       const BodyState s = state_of(slot);
-      const Vec3 spin = s.angular_velocity + slot.turn->rest(s.orientation, slot.inertia);
+      const Vec3 spin = slot.turn->end(s.orientation, s.angular_velocity);
       dBodySetAngularVel(slot.body, spin.x(), spin.y(), spin.z());
       slot.turn.reset();
     }

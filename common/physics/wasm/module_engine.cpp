@@ -12,6 +12,8 @@ namespace {
 
 /// A point is the same one as in the previous sub-step if it is within this distance, relative to the smallest body.
 constexpr double kReachRatio = 0.1;
+/// Units of precision in which a module changes the spin of a body that nothing touches.
+constexpr double kRounding = 16.0;
 
 /// Handles of a body in a checkpoint.
 struct Handles {
@@ -84,10 +86,14 @@ void ModuleEngine::step(double dt) {
       slot.after = read(slot);
       slot.known = true;
       if (!slot.turn) continue;
-      const Vec3 rest = slot.turn->rest(slot.after.orientation, slot.inertia);
-      put_velocities(slot, slot.after.linear_velocity, slot.after.angular_velocity + rest);
+      Vec3& given = stepped_[id].loaded.angular_velocity;
+      const Vec3 change = slot.after.angular_velocity - given;
+      const bool rounded = change.norm() <= kRounding * capabilities().precision * given.norm();
+      const Vec3 spin = rounded ? given : slot.after.angular_velocity,
+                 end = slot.turn->end(slot.after.orientation, spin);
+      put_velocities(slot, slot.after.linear_velocity, end);
       slot.after = read(slot);
-      stepped_[id].loaded.angular_velocity += rest;  // no friction has done that
+      given += end - spin;  // no friction has done that
       slot.turn.reset();
     }
     found_.clear();

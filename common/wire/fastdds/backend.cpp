@@ -14,34 +14,31 @@
 #include <fastdds/dds/topic/ContentFilteredTopic.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <set>
 
 namespace subworld::wire::fast {
 namespace {
 
-/// The threads of this process with real-time priority. They are numbered in the order of their start.
-std::set<pid_t> realtime_threads() {
-  std::set<pid_t> threads;
+/// The thread of this process that was started last: they are numbered in the order of their start.
+pid_t newest_thread() {
+  pid_t newest = 0;
   std::error_code ignored;
-  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task", ignored)) {
-    const pid_t thread = std::atoi(entry.path().filename().c_str());
-    if (sched_getscheduler(thread) == SCHED_FIFO) threads.insert(thread);
-  }
-  return threads;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task", ignored))
+    newest = std::max(newest, std::atoi(entry.path().filename().c_str()));
+  return newest;
 }
 
-/// Returns the thread that repeats samples to default scheduling. Fast DDS 2.9 starts it as the last one of a
-/// participant. It spins while another thread holds the lock of the writer whose samples it repeats. With real-time
-/// priority, it would spin for ever on a core where that thread has a lower one.
-void lower_repeating_thread(const std::set<pid_t>& before) {
-  const std::set<pid_t> now = realtime_threads();
-  if (now.empty() || before.contains(*now.rbegin())) return;
+/// Keeps the thread that repeats samples from real-time priority, by the scheduling class for batch work. Fast DDS 2.9
+/// starts it as the last one of a participant. It spins while another thread holds the lock of the writer whose samples
+/// it repeats. With real-time priority, it would spin for ever on a core where that thread has a lower one.
+void lower_repeating_thread(pid_t newest_before) {
+  const pid_t newest = newest_thread();
   const sched_param whenever{};
-  sched_setscheduler(*now.rbegin(), SCHED_OTHER, &whenever);
+  if (newest != newest_before) sched_setscheduler(newest, SCHED_BATCH, &whenever);
 }
 
 class FastBackend final : public Backend {
@@ -53,11 +50,11 @@ class FastBackend final : public Backend {
     eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(library);
 
     factory_ = dds::DomainParticipantFactory::get_shared_instance();
-    const std::set<pid_t> threads = realtime_threads();
+    const pid_t newest = newest_thread();
     participant_ =
         factory_->create_participant(static_cast<std::uint32_t>(opening.domain),
                                      participant_qos(*factory_, opening, route_), &peers_, dds::StatusMask::none());
-    lower_repeating_thread(threads);
+    lower_repeating_thread(newest);
     if (participant_ == nullptr) {
       fail(fmt::format(
           "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "

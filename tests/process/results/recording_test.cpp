@@ -79,6 +79,19 @@ TEST_F(Recording, ReSimulationHasTheRecordedHash) {
   EXPECT_TRUE(std::filesystem::exists(again + "/recorded/meshes/wedge.obj"));
 }
 
+TEST_F(Recording, AReSimulationEndsWithItsCommandAndKeepsToItsDomain) {
+  ASSERT_EQ(run(scene("press"), recorded({"--mode", "lockstep", "--duration", "20"})).code, 0);
+  const std::string again = folder_.path() + "/again";
+  Process replay({program("subworld"), "replay", file(), "--resimulate", "--out", again, "--domain", domain_.text()},
+                 folder_.path());
+  ASSERT_TRUE(eventually([&] { return running(again).size() >= 4; })) << replay.err();
+  EXPECT_NE(replay.out().find("domain " + domain_.text()), std::string::npos) << replay.out();
+  for (const Running& one : running(again)) {
+    if (std::ranges::find(one.words, "replay") != one.words.end()) kill(one.pid, SIGKILL);
+  }
+  EXPECT_TRUE(eventually([&] { return running(again).empty(); }));
+}
+
 struct OrderedRun {
   std::string scene;
   Words flags;

@@ -26,6 +26,8 @@ class Viewer:
         assert advertise["op"] == "advertise", advertise
         for channel in advertise["channels"]:
             assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "omgidl"), channel
+            for module in channel["schemaName"].split("::")[:-1]:
+                assert f"module {module} {{" in channel["schema"], channel
             viewer.channels[channel["topic"]] = channel
             viewer.topics[channel["id"]] = channel["topic"]
             channel["types"] = parse(channel["schema"])

@@ -167,6 +167,16 @@ TEST_F(Limits, ASizeInMillimetresOrAMassInGrams) {
                   HasSubstr("second (5e+05 kg/m3); was its mass meant in g? Write it in kg")));
 }
 
+TEST_F(Limits, ABodyFarFromTheOrigin) {
+  scene.settings.world.name = "bullet_float";
+  scene.settings.haptic.name = "bullet";
+  for (BodyState& state : scene.initial) state.position.x() += 10'000.0;
+  EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("world: bullet_float rounds positions to 0.001 m"),
+                                            HasSubstr("too coarse for first, second;"))));
+  for (BodyState& state : scene.initial) state.position.x() -= 9'990.0;
+  EXPECT_THAT(warnings(), IsEmpty());
+}
+
 TEST_F(Limits, AHullInMillimetres) {
   Mesh tetrahedron;
   tetrahedron.vertices = {{0, 0, 0}, {100, 0, 0}, {0, 100, 0}, {0, 0, 100}};

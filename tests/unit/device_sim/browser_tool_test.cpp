@@ -1,6 +1,8 @@
 #include "device_sim/drivers/browser_tool.hpp"
+#include "device_sim/drivers/pose_socket.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 
 #include <array>
 #include <cmath>
@@ -163,6 +165,34 @@ TEST(BrowserTool, RefusesNonsense) {
     ASSERT_TRUE(one.step());
     EXPECT_EQ(one.reading.position_m[0], 0.0);
   }
+}
+
+/// Sends a pose as a user of this machine; false: not allowed to be that user.
+bool send_as(uid_t user, const LocalAddress& to, std::uint32_t number) {
+  const pid_t child = fork();
+  if (child == 0) {
+    PoseDatagram pose = pose_at(0.1);
+    pose.mark = kPoseMark;
+    pose.number = number;
+    const int from = socket(AF_UNIX, SOCK_DGRAM, 0);
+    const bool sent = (user == geteuid() || setuid(user) == 0) &&
+                      sendto(from, &pose, sizeof pose, 0, to.get(), to.size) == sizeof pose;
+    _exit(sent ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  return status == 0;
+}
+
+TEST(PoseSocket, TakesThePosesOfItsOwnUserOnly) {
+  const LocalAddress address = tool_address(getpid(), 0);
+  PoseSocket tool;
+  tool.open(address.get(), address.size, "the test's tool");
+  const auto reads = [&] { return tool.read([](const PoseDatagram&) {}); };
+  constexpr uid_t kNobody = 65534;
+  if (send_as(kNobody, address, 1)) EXPECT_FALSE(reads()) << "of another user";
+  ASSERT_TRUE(send_as(geteuid(), address, 2));
+  EXPECT_TRUE(reads());
 }
 
 }  // namespace

@@ -161,7 +161,7 @@ std::vector<Broken> broken_scenes() {
       body("mesh_missing", "{name: c, shape: convex, file: none.stl, mass_kg: 1}", "5:36",
            "bodies[0].file: \"none.stl\" no such mesh file: "),
       body("mesh_open", "{name: c, shape: convex, file: open.obj, mass_kg: 1}", "5:36",
-           "bodies[0].file: the surface is not closed"),
+           "bodies[0].file: the surface is flat"),
       body("mesh_empty", "{name: c, shape: convex, file: empty.obj, mass_kg: 1}", "5:36",
            "bodies[0].file: \"empty.obj\""),
       body("mesh_flat", "{name: c, shape: convex, file: open.obj, fixed: true}", "5:36", "the surface is flat"),

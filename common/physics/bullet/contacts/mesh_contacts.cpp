@@ -3,18 +3,23 @@
 #include "physics/bullet/contacts/convex_points.hpp"
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 namespace subworld::bullet {
 
 namespace {
 
-/// Contacts of a convex body with the triangles of a mesh: one manifold for each direction of pushing.
+/// Contacts of a convex body with the triangles of a mesh: one manifold for each direction of pushing. An edge or a
+/// corner pushes only outwards from all triangles that meet there: a body that slides over a flat mesh does not feel
+/// its inner edges.
 class ConvexMesh final : public ContactAlgorithm {
  public:
   ConvexMesh(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
              bool swapped)
       : ContactAlgorithm(info, swapped), same_(same_within(a, b)), pair_(a, b) {
     for (auto& manifold : manifolds_) manifold = m_dispatcher->getNewManifold(&a, &b);
+    nearby_.reserve(kUsuallyNear);
     reach_ = manifolds_[0]->getContactBreakingThreshold();
   }
   ~ConvexMesh() override {
@@ -39,6 +44,10 @@ class ConvexMesh final : public ContactAlgorithm {
   static constexpr std::size_t kDirections = 4;
   static constexpr double kSameDirection = 0.999;  ///< cosine
   static constexpr std::size_t kMostFound = 64;
+  static constexpr std::size_t kUsuallyNear = 256;  ///< triangles: more cost an allocation once
+  static constexpr double kAlong = 1.0 - 1e-7;      ///< cosine: a contact along the triangle's normal is no edge's
+  static constexpr double kAbove = 1e-3;            ///< sine: a triangle that rises more steeply is above a plane
+  using Triangle = std::array<Vec3, 3>;
 
   /// Points of all triangles that push in one direction.
   struct Group {
@@ -90,8 +99,13 @@ class ConvexMesh final : public ContactAlgorithm {
     groups_ = 0;
     const double reach = std::max(reach_, way);
     const Box box = box_around(body, reach);
-    for_triangles(mesh, box.lower, box.upper, origin,
-                  [&](const ConvexTriangle& triangle, int number) { touch_triangle(body, triangle, number, reach); });
+    nearby_.clear();
+    for_triangles(mesh, box.lower, box.upper, origin, [&](const ConvexTriangle& triangle, int number) {
+      const auto& corners = triangle.get().vertices;
+      nearby_.push_back({{corners[0], corners[1], corners[2]}, number});
+    });
+    for (const auto& [corners, number] : nearby_)
+      touch_triangle(body, ConvexTriangle(corners[0], corners[1], corners[2]), number, reach);
     const auto end = std::remove_if(group_.begin(), group_.begin() + groups_,
                                     [&](const Group& group) { return group.deepest > reach_; });
     groups_ = static_cast<std::size_t>(end - group_.begin());
@@ -130,6 +144,7 @@ class ConvexMesh final : public ContactAlgorithm {
     const bool flat = std::abs(patch.normal.dot(triangle.normal())) > kSameDirection;
     const double above = -body.reach(-patch.normal) - patch.normal.dot(triangle.get().centre);
     if (deepest > reach_ && !(flat && above <= reach_)) return;
+    if (std::abs(patch.normal.dot(triangle.normal())) < kAlong && is_inner(patch)) return;
     Group* group = group_for(patch.normal, deepest);
     if (group == nullptr) return;
     group->deepest = std::min(group->deepest, deepest);
@@ -140,6 +155,30 @@ class ConvexMesh final : public ContactAlgorithm {
       if (there || group->count == kMostFound) continue;
       group->points[group->count++] = {p.on_b, p.distance, (number << 6) ^ p.feature};
     }
+  }
+
+  /// Whether a triangle that meets another one's contact rises beyond it: then the contact is none of the surface.
+  [[nodiscard]] bool is_inner(const Patch& patch) const {
+    const double near_m = kFine * reach_;
+    const auto rises = [&](const Triangle& corners, const Vec3& from) {
+      return std::ranges::any_of(corners, [&](const Vec3& corner) {
+        const Vec3 way = corner - from;
+        return patch.normal.dot(way) > kAbove * (way.norm() + near_m);
+      });
+    };
+    const auto meets = [&](const Triangle& corners, const Vec3& point) {
+      const Vec3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+      if (std::abs(normal.dot(point - corners[0])) > near_m) return false;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Vec3 outwards = (corners[(i + 1) % 3] - corners[i]).cross(normal).normalized();
+        if (outwards.dot(point - corners[i]) > near_m) return false;
+      }
+      return true;
+    };
+    return std::ranges::any_of(patch.all(), [&](const PatchPoint& p) {
+      return std::ranges::any_of(nearby_,
+                                 [&](const auto& one) { return rises(one.first, p.on_b) && meets(one.first, p.on_b); });
+    });
   }
 
   /// If there are too many directions, the one with the least penetration is replaced.
@@ -240,9 +279,12 @@ class ConvexMesh final : public ContactAlgorithm {
   btScalar same_;
   FastPair pair_;
   std::size_t groups_ = 0;
-  static thread_local std::array<Group, kDirections> group_;  ///< shared: the algorithms run one after the other
+  // Shared: the algorithms run one after the other.
+  static thread_local std::array<Group, kDirections> group_;
+  static thread_local std::vector<std::pair<Triangle, int>> nearby_;  ///< triangles in reach, and their numbers
 };
 thread_local std::array<ConvexMesh::Group, ConvexMesh::kDirections> ConvexMesh::group_;
+thread_local std::vector<std::pair<ConvexMesh::Triangle, int>> ConvexMesh::nearby_;
 
 }  // namespace
 

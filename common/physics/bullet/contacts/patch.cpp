@@ -14,9 +14,12 @@ namespace subworld::bullet {
 
 namespace {
 
-/// Scale factors for shapes without a rounded surface. Their nearest points are searched on scaled shapes, because the
-/// direction between nearly coincident points is noise. If the scaled shapes overlap too, the next factor is used.
-constexpr double kKept[] = {1.0, 0.95, 0.6, 0.2, 0.02};
+/// Scale factors for shapes without a rounded surface. If the shapes overlap, or are so close that the direction
+/// between their nearest points is noise, those of smaller shapes are used. Each factor is only a little smaller,
+/// because the direction between scaled shapes is that of other features where they are long.
+constexpr double kKept[] = {1.0, 0.998, 0.99, 0.95, 0.6, 0.2, 0.02};
+constexpr double kLeastShallow = 0.95;
+constexpr double kSure = 1e-4;  ///< of the smaller inner radius: the least distance of unscaled shapes with a direction
 constexpr double kBetterPatchArea = 1.05;  ///< ratio: four points are chosen instead of those of the last step
 constexpr double kParallelPatchEdges =
     1e-4;  ///< edges closer to parallel (squared sine of their angle) touch along a line
@@ -181,18 +184,20 @@ struct Approach {
 /// The direction in which two shapes are nearest to each other.
 Approach approach(const Placed& a, const Placed& b, const Vec3& guess) {
   const bool rounded = a.shape.radius > 0.0 || b.shape.radius > 0.0;
-  for (std::size_t i = rounded ? 0 : 1; i < std::size(kKept); ++i) {
+  const auto [small_m, large_m] = std::minmax(a.shape.inner_radius, b.shape.inner_radius);
+  const double sure_m = rounded ? 0.0 : kSure * (small_m > 0.0 ? small_m : large_m);
+  for (const double factor : kKept) {
     // A point or a line needs no scaling. A shape without volume (a triangle) is not scaled.
     const auto kept = [&](const Placed& s) {
-      return s.shape.radius > 0.0 || s.shape.inner_radius == 0.0 ? 1.0 : kKept[i];
+      return s.shape.radius > 0.0 || s.shape.inner_radius == 0.0 ? 1.0 : factor;
     };
     const Closest near = closest(a, kept(a), b, kept(b), guess);
-    if (!near.apart) continue;
+    if (!near.apart || (factor == 1.0 && near.from_b.squaredNorm() < sure_m * sure_m)) continue;
     Closest out = near;
     // Reverses the scaling of the point.
     out.on_a = a.centre() + (near.on_a - a.centre()) / kept(a);
     out.on_b = b.centre() + (near.on_b - b.centre()) / kept(b);
-    return {out, near.from_b.normalized(), i < 2};
+    return {out, near.from_b.normalized(), factor >= kLeastShallow};
   }
   Vec3 between = a.centre() - b.centre();
   if (between.squaredNorm() == 0.0) between = Vec3::UnitZ();
