@@ -36,8 +36,8 @@ int lock_memory() noexcept;
 [[nodiscard]] std::set<pid_t> own_threads();
 
 /// Gives SCHED_FIFO at `priority` to the threads of this process that have been started since `before` and have default
-/// scheduling: others start them, as a middleware does. A program that starts beside others that feel a hand opens its
-/// middleware with default scheduling, because opening takes longer than a hand can wait.
+/// scheduling: those of a middleware. It is opened with default scheduling, because that takes longer than the loops of
+/// other programs can wait.
 void raise_threads_since(const std::set<pid_t>& before, int priority);
 
 /// Restricts the calling thread, and the threads that it creates from now on, to these cores. False if one of them does

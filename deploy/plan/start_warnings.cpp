@@ -62,7 +62,7 @@ void warn_of_slips(const Scene& scene, std::vector<std::string>& out) {
     const double volume_m3 = is_hull ? integrate(scene.meshes[body.shape.mesh]).volume : volume(body.shape);
     if (body.fixed() || volume_m3 <= 0.0) continue;
     const double density = body.mass / volume_m3;
-    // A tool stands for what a hand moves, which is heavier than its tip.
+    // A tool stands for what an operator moves, which is heavier than its tip.
     if (density > kHeaviest && std::ranges::any_of(scene.users, [&](const UserSpec& u) { return u.proxy == body.id; }))
       continue;
     if (density >= kLightest && density <= kHeaviest) continue;

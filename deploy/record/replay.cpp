@@ -94,7 +94,7 @@ std::string folder_of(const ReplayRequest& request) {
   return folder;
 }
 
-/// It is told to end when this program ends, in whichever way.
+/// It gets SIGTERM when this program ends, in whichever way.
 pid_t start_program(const std::vector<std::string>& words) {
   std::vector<char*> argv;
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
