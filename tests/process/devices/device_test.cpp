@@ -91,7 +91,7 @@ TEST_F(Devices, UnpluggedHasNoForceWithin5MsAndReturnsWithARamp) {
   EXPECT_EQ(ended.code, 0) << ended.err;
 
   const Table history = read_table(out() + "/device_0.csv");
-  const std::vector<double> force = column_of(history, "force_x_n"), t_s = column_of(history, "t_s");
+  const std::vector<double> force = column_of(history, "force_x_n"), t_s = column_of(history, "time_s");
   std::size_t fades = 7;  // the first step in which the pressed device's force is zero
   while (fades < force.size() && !(force[fades] == 0.0 && force[fades - 7] < -15.0)) ++fades;
   ASSERT_LT(fades, force.size()) << "it did not fade within 5 ms";
