@@ -3,6 +3,7 @@
 #include "physics/contact_totals.hpp"
 #include "physics/plugin.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -200,11 +201,11 @@ class Adapter : public Engine {
     return substep_count(dt, fixed_substeps_, longest_substep_s_);
   }
 
-  /// Calls `substep(h, number)` for each sub-step of h (s) of a step of dt (s), ends the loads, and totals the
-  /// contacts.
+  /// Calls `substep(h, number)` for each sub-step of h (s) of a step of dt (s), at least `least`, ends the loads, and
+  /// totals the contacts.
   template <class Substep>
-  void step_in_parts(double dt, const Substep& substep) {
-    const int count = substeps(dt);
+  void step_in_parts(double dt, const Substep& substep, int least = 1) {
+    const int count = std::max(substeps(dt), least);
     contacts_.clear();
     clock_.start();
     for (int i = 0; i < count; ++i) substep(dt / count, i);

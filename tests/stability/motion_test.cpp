@@ -193,6 +193,19 @@ TEST_P(Spins, with_constant_energy_and_momentum) {
   }
 }
 
+// A rod that turns by 46 degrees a cycle meets a post that its end would pass between two cycles.
+class Sweeps : public Motion {};
+TEST_P(Sweeps, into_what_is_in_its_way) {
+  run(fmt::format("  duration_s: 0.016\n  gravity_m_s2: [0, 0, 0]\n{}", kAtOnce),
+      "  - {name: post, shape: cylinder, radius_m: 0.004, length_m: 0.5, fixed: true, position_m: [0, 0.4, 0]}\n"
+      "  - {name: box, shape: box, size_m: [1, 0.01, 0.01], mass_kg: 1, position_m: [0, 0, 0], angular_velocity_rad_s: "
+      "[0, 0, 200]}\n"
+      "  - {name: square_post, shape: box, size_m: [0.008, 0.008, 0.5], fixed: true, position_m: [5, 0.4, 0]}\n"
+      "  - {name: pill, shape: capsule, radius_m: 0.005, length_m: 0.99, mass_kg: 1, position_m: [5, 0, 0], rotation: "
+      "{axis: [0, 1, 0], angle_deg: 90}, angular_velocity_rad_s: [0, 0, 200]}\n");
+  for (const char* name : {"box", "pill"}) EXPECT_LT(end(name).angular_velocity.z(), 100.0) << name;
+}
+
 // A flat mesh without friction: the edges between its triangles are not there.
 class Glides : public Motion {};
 TEST_P(Glides, over_a_flat_mesh_as_over_a_plane) {
@@ -278,8 +291,9 @@ INSTANTIATE_TEST_SUITE_P(Engines, Topples, ::testing::ValuesIn(kChoices), kName)
 INSTANTIATE_TEST_SUITE_P(Engines, Floats, ::testing::ValuesIn(kChoices), kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Falls, ::testing::ValuesIn(kChoices), kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Launched, ::testing::ValuesIn(kChoices), kName);
-INSTANTIATE_TEST_SUITE_P(Bullet, Glides, ::testing::Values(Choice{"bullet", "fast"}, Choice{"bullet", "quality"}),
-                         kName);
+const auto kOfBullet = ::testing::Values(Choice{"bullet", "fast"}, Choice{"bullet", "quality"});
+INSTANTIATE_TEST_SUITE_P(Bullet, Sweeps, kOfBullet, kName);
+INSTANTIATE_TEST_SUITE_P(Bullet, Glides, kOfBullet, kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Clearance, ::testing::ValuesIn(kChoices), kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Spins, ::testing::ValuesIn(kChoices), kName);
 

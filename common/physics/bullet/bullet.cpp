@@ -64,6 +64,9 @@ extern const EnginePlugin kPlugin;
 
 /// The tree of bounds is not updated while a body moves within this share of its size. Bullet's own 5 cm would make
 /// every cube of a heap a candidate for its neighbours' neighbours.
+constexpr double kStraightTurn_rad = 0.15;  ///< a smaller turn in a step is almost straight
+constexpr double kSlender = 2.0;            ///< way of the farthest point over the radius inside the shape
+constexpr int kMostParts = 16;
 constexpr double kTreeMarginRatio = 0.05;
 
 struct Slot : AdapterSlot {
@@ -128,22 +131,25 @@ class Bullet final : public Adapter<Slot> {
   void step(double dt) override {
     claim_globals();
     moved_.clear();  // a step begins with updated bounds of all bodies
-    step_in_parts(dt, [this](double h, int number) {
-      for (const std::uint32_t id : movable_) {
-        Slot& slot = slots_[id];
-        slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
-        slot.body->applyTorque(to_bullet(slot.torque));
-        if (slot.gyroscopic) begin_turn(slot, h);
-      }
-      clock_.ends(&EngineTimes::exchange_s);
-      world_.stepSimulation(scalar(h), 0);
-      for (const std::uint32_t id : movable_) {
-        if (slots_[id].gyroscopic) end_turn(slots_[id]);
-      }
-      clock_.ends(&EngineTimes::solving_s);
-      collect_contacts(number);
-      clock_.ends(&EngineTimes::exchange_s);
-    });
+    step_in_parts(
+        dt,
+        [this](double h, int number) {
+          for (const std::uint32_t id : movable_) {
+            Slot& slot = slots_[id];
+            slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
+            slot.body->applyTorque(to_bullet(slot.torque));
+            if (slot.gyroscopic) begin_turn(slot, h);
+          }
+          clock_.ends(&EngineTimes::exchange_s);
+          world_.stepSimulation(scalar(h), 0);
+          for (const std::uint32_t id : movable_) {
+            if (slots_[id].gyroscopic) end_turn(slots_[id]);
+          }
+          clock_.ends(&EngineTimes::solving_s);
+          collect_contacts(number);
+          clock_.ends(&EngineTimes::exchange_s);
+        },
+        parts_for_spin(dt));
   }
 
   Box bounds(BodyId id) const override { return bounds_of(at(id)); }
@@ -240,6 +246,19 @@ class Bullet final : public Adapter<Slot> {
       if (contains(id)) const_cast<bullet::SmallStepWorld&>(world_).updateSingleAabb(at(id).body.get());
     }
     moved_.clear();
+  }
+
+  /// A slender body that turns fast sweeps around others within a step, which its velocities at one moment do not tell.
+  [[nodiscard]] int parts_for_spin(double dt) const {
+    double most_rad = 0.0;
+    for (const std::uint32_t id : movable_) {
+      const btRigidBody& body = *slots_[id].body;
+      const double turn_rad = dt * body.getAngularVelocity().length();
+      if (turn_rad <= kStraightTurn_rad) continue;
+      const bullet::Convex& shape = bullet::convex_of(*body.getCollisionShape());
+      if (turn_rad * shape.outer_radius > kSlender * shape.inner_radius) most_rad = std::max(most_rad, turn_rad);
+    }
+    return std::min(kMostParts, static_cast<int>(std::ceil(most_rad / kStraightTurn_rad)));
   }
 
   static void begin_turn(Slot& slot, double dt) {

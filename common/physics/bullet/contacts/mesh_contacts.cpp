@@ -175,10 +175,9 @@ class ConvexMesh final : public ContactAlgorithm {
       }
       return true;
     };
-    return std::ranges::any_of(patch.all(), [&](const PatchPoint& p) {
-      return std::ranges::any_of(nearby_,
-                                 [&](const auto& one) { return rises(one.first, p.on_b) && meets(one.first, p.on_b); });
-    });
+    const Vec3& deepest = std::ranges::min(patch.all(), {}, &PatchPoint::distance).on_b;
+    return std::ranges::any_of(nearby_,
+                               [&](const auto& one) { return rises(one.first, deepest) && meets(one.first, deepest); });
   }
 
   /// If there are too many directions, the one with the least penetration is replaced.
