@@ -56,7 +56,12 @@ TEST_F(RunEnds, AKilledLauncherLosesNeitherTheRestartsNorTheTrace) {
   if (HasFatalFailure()) return;
   signal("device_sim", SIGKILL);
   ASSERT_TRUE(eventually([&] { return process_->err().find("it is started again") != std::string::npos; }));
-  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  const auto loops_again = [&] {
+    const std::string log = read_text(out() + "/logs/device_sim_0.log"), begun = "1000 Hz";
+    return log.find(begun, log.find(begun) + 1) != std::string::npos;
+  };
+  ASSERT_TRUE(eventually(loops_again));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
   process_->signal(SIGKILL);
   ASSERT_TRUE(eventually([&] { return std::filesystem::exists(out() + "/summary.json"); })) << process_->err();
   ASSERT_TRUE(eventually([&] { return running(out()).empty(); }));
