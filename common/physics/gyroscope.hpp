@@ -10,7 +10,8 @@ namespace subworld {
 /// The free rotation of a body for one step, by the midpoint rule on the rotations: it conserves the energy and the
 /// vector of the angular momentum (Simo and Wong, "Unconditionally stable algorithms for rigid body dynamics", 1991).
 /// An engine is given it around its step, because engines have the gyroscopic torque explicit (gains energy), implicit
-/// (loses energy) or not at all.
+/// (loses energy) or not at all. An engine in which that disturbs bodies on a support begins its step with `after`
+/// instead: that keeps the energy, and the momentum's size.
 struct FreeTurn {
   Vec3 mean = Vec3::Zero();   ///< rad/s, world frame: by it the engine turns the body
   Vec3 after = Vec3::Zero();  ///< rad/s, body frame

@@ -295,7 +295,7 @@ const auto kOfBullet = ::testing::Values(Choice{"bullet", "fast"}, Choice{"bulle
 INSTANTIATE_TEST_SUITE_P(Bullet, Sweeps, kOfBullet, kName);
 INSTANTIATE_TEST_SUITE_P(Bullet, Glides, kOfBullet, kName);
 INSTANTIATE_TEST_SUITE_P(Engines, Clearance, ::testing::ValuesIn(kChoices), kName);
-INSTANTIATE_TEST_SUITE_P(Engines, Spins, ::testing::ValuesIn(kChoices), kName);
+INSTANTIATE_TEST_SUITE_P(Bullet, Spins, kOfBullet, kName);
 
 }  // namespace
 }  // namespace subworld

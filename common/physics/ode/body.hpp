@@ -1,11 +1,8 @@
 #pragma once
 
 #include "physics/adapter.hpp"
-#include "physics/gyroscope.hpp"
 
 #include <ode/ode.h>
-
-#include <optional>
 
 namespace subworld::ode {
 
@@ -14,9 +11,8 @@ inline Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
 struct Slot : AdapterSlot {
   Shape shape;
   dGeomID geom = nullptr;
-  dBodyID body = nullptr;        ///< null: fixed
-  std::optional<FreeTurn> turn;  ///< within a step
-  BodyState kept;                ///< of a fixed body; of a body that does not rotate: its state before the step
+  dBodyID body = nullptr;  ///< null: fixed
+  BodyState kept;          ///< of a fixed body; of a body that does not rotate: its state before the step
 };
 
 /// Makes the dBody of a slot that has a geometry.

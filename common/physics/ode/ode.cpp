@@ -190,9 +190,7 @@ class Ode final : public Adapter<Slot> {
         dBodySetAngularVel(slot.body, 0, 0, 0);
       } else if (feels_gyroscopic_torque(slot.inertia)) {
         const BodyState s = state_of(slot);
-        slot.turn = turn_freely(s.orientation, slot.inertia, s.angular_velocity, h);
-        const Vec3& spin = slot.turn->mean;
-        dBodySetFiniteRotationMode(slot.body, 1);  // turns exactly by the velocity
+        const Vec3 spin = s.orientation * turn_freely(s.orientation, slot.inertia, s.angular_velocity, h).after;
         dBodySetAngularVel(slot.body, spin.x(), spin.y(), spin.z());
       }
       const Vec3 force = slot.weight + slot.force;
@@ -212,14 +210,6 @@ class Ode final : public Adapter<Slot> {
       const std::lock_guard lock(shared_random);
       dRandSetSeed(kSeed);
       dWorldQuickStep(world_, h);
-    }
-    for (const std::uint32_t id : movable_) {
-      Slot& slot = slots_[id];
-      if (!slot.turn) continue;
-      const BodyState s = state_of(slot);
-      const Vec3 spin = slot.turn->end(s.orientation, s.angular_velocity);
-      dBodySetAngularVel(slot.body, spin.x(), spin.y(), spin.z());
-      slot.turn.reset();
     }
     points_.remove_joints();
     move_apart();

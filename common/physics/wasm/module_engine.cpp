@@ -12,8 +12,6 @@ namespace {
 
 /// A point is the same one as in the previous sub-step if it is within this distance, relative to the smallest body.
 constexpr double kReachRatio = 0.1;
-/// Units of precision in which a module changes the spin of a body that nothing touches.
-constexpr double kRounding = 16.0;
 
 /// Handles of a body in a checkpoint.
 struct Handles {
@@ -82,19 +80,8 @@ void ModuleEngine::step(double dt) {
     simulate(h);
     clock_.ends(&EngineTimes::solving_s);
     for (const std::uint32_t id : movable_) {
-      Slot& slot = slots_[id];
-      slot.after = read(slot);
-      slot.known = true;
-      if (!slot.turn) continue;
-      Vec3& given = stepped_[id].loaded.angular_velocity;
-      const Vec3 change = slot.after.angular_velocity - given;
-      const bool rounded = change.norm() <= kRounding * capabilities().precision * given.norm();
-      const Vec3 spin = rounded ? given : slot.after.angular_velocity,
-                 end = slot.turn->end(slot.after.orientation, spin);
-      put_velocities(slot, slot.after.linear_velocity, end);
-      slot.after = read(slot);
-      given += end - spin;  // no friction has done that
-      slot.turn.reset();
+      slots_[id].after = read(slots_[id]);
+      slots_[id].known = true;
     }
     found_.clear();
     collect();
@@ -112,13 +99,10 @@ void ModuleEngine::step(double dt) {
 void ModuleEngine::apply_loads(double h) {
   stepped_.resize(slots_.size());
   for (const std::uint32_t id : movable_) {
-    Slot& slot = slots_[id];
+    const Slot& slot = slots_[id];
     Load next{h, state_of(slot), slot.rotates && feels_gyroscopic_torque(slot.inertia), slot.weight + slot.force, {}};
     Vec3& spin = next.now.angular_velocity;
-    if (next.turned) {
-      slot.turn = turn_freely(next.now.orientation, slot.inertia, spin, h);
-      spin = slot.turn->mean;
-    }
+    if (next.turned) spin = next.now.orientation * turn_freely(next.now.orientation, slot.inertia, spin, h).after;
     next.loaded = accelerated(slot, next.now, h * next.force, h * slot.torque);
     load(slot, next);
     stepped_[id] = {slot.mass, slot.inertia, next.loaded};

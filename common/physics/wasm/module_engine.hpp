@@ -2,12 +2,10 @@
 
 #include "physics/adapter.hpp"
 #include "physics/friction_estimate.hpp"
-#include "physics/gyroscope.hpp"
 #include "physics/wasm/host.hpp"
 
 #include <cstdint>
 #include <limits>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -25,9 +23,8 @@ struct Load {
 struct Slot : AdapterSlot {
   std::uint64_t body = 0;  ///< the module's handle
   std::uint64_t shape = 0;
-  BodyState after;               ///< at the end of the last sub-step; for a fixed body, the velocity that was set
-  bool known = false;            ///< movable body: `after` equals the module's state
-  std::optional<FreeTurn> turn;  ///< within a step
+  BodyState after;     ///< at the end of the last sub-step; for a fixed body, the velocity that was set
+  bool known = false;  ///< movable body: `after` equals the module's state
 };
 
 /// Base of all engines that are WebAssembly modules: loads, the friction that such modules do not report, and
