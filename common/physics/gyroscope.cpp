@@ -9,6 +9,7 @@ namespace subworld {
 namespace {
 
 constexpr int kNewtonSteps = 12;
+constexpr int kEulerSteps = 4;
 constexpr double kMiss = 1e-13;      ///< of the momentum
 constexpr double kSmall = 1e-4;      ///< rad
 constexpr double kIsotropic = 1e-9;  ///< relative difference of the moments
@@ -64,6 +65,25 @@ FreeTurn turn_freely(const Quat& orientation, const Vec3& inertia, const Vec3& a
 
 Vec3 FreeTurn::end(const Quat& orientation_after, const Vec3& spin) const noexcept {
   return solved ? Vec3(orientation_after * after + (spin - mean)) : spin;
+}
+
+Vec3 turned_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity, double dt) noexcept {
+  const Vec3 before = orientation.conjugate() * angular_velocity;
+  Vec3 after = before;
+  for (int i = 0; i < kEulerSteps; ++i) {
+    const Vec3 mean = 0.5 * (before + after);
+    const Vec3 momentum = inertia.cwiseProduct(mean);
+    const Vec3 miss = inertia.cwiseProduct(after - before) - dt * momentum.cross(mean);
+    const Eigen::Matrix3d inertia_matrix = inertia.asDiagonal();
+    const Eigen::Matrix3d slope =
+        inertia_matrix - 0.5 * dt * (cross_matrix(momentum) - cross_matrix(mean) * inertia_matrix);
+    after -= slope.inverse() * miss;
+  }
+  // The rotation was too fast for the rule to converge: limit the energy at least.
+  const double energy_before = inertia.dot(before.cwiseAbs2());
+  const double energy_after = inertia.dot(after.cwiseAbs2());
+  if (!after.allFinite() || energy_after <= 0.0) return angular_velocity;
+  return orientation * Vec3(after * std::sqrt(energy_before / energy_after));
 }
 
 }  // namespace subworld

@@ -10,8 +10,7 @@ namespace subworld {
 /// The free rotation of a body for one step, by the midpoint rule on the rotations: it conserves the energy and the
 /// vector of the angular momentum (Simo and Wong, "Unconditionally stable algorithms for rigid body dynamics", 1991).
 /// An engine is given it around its step, because engines have the gyroscopic torque explicit (gains energy), implicit
-/// (loses energy) or not at all. An engine in which that disturbs bodies on a support begins its step with `after`
-/// instead: that keeps the energy, and the momentum's size.
+/// (loses energy) or not at all.
 struct FreeTurn {
   Vec3 mean = Vec3::Zero();   ///< rad/s, world frame: by it the engine turns the body
   Vec3 after = Vec3::Zero();  ///< rad/s, body frame
@@ -24,6 +23,12 @@ struct FreeTurn {
 /// Before a step of `dt` (s); `angular_velocity` in the world frame (rad/s).
 [[nodiscard]] FreeTurn turn_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity,
                                    double dt) noexcept;
+
+/// Angular velocity (world frame, rad/s) after the gyroscopic torque has acted for dt (s), for engines in which a
+/// change after the step disturbs bodies on a support. They are set to it before the step. Solves Euler's equations in
+/// the body frame by the implicit midpoint rule, which conserves the energy and the size of the angular momentum.
+[[nodiscard]] Vec3 turned_freely(const Quat& orientation, const Vec3& inertia, const Vec3& angular_velocity,
+                                 double dt) noexcept;
 
 /// Change of a body's angular velocity (rad/s) by an angular impulse (N m s, world frame).
 [[nodiscard]] Vec3 spun_up(const Quat& orientation, const Vec3& inertia, const Vec3& angular_impulse) noexcept;

@@ -190,7 +190,7 @@ class Ode final : public Adapter<Slot> {
         dBodySetAngularVel(slot.body, 0, 0, 0);
       } else if (feels_gyroscopic_torque(slot.inertia)) {
         const BodyState s = state_of(slot);
-        const Vec3 spin = s.orientation * turn_freely(s.orientation, slot.inertia, s.angular_velocity, h).after;
+        const Vec3 spin = turned_freely(s.orientation, slot.inertia, s.angular_velocity, h);
         dBodySetAngularVel(slot.body, spin.x(), spin.y(), spin.z());
       }
       const Vec3 force = slot.weight + slot.force;

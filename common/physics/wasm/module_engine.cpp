@@ -102,7 +102,7 @@ void ModuleEngine::apply_loads(double h) {
     const Slot& slot = slots_[id];
     Load next{h, state_of(slot), slot.rotates && feels_gyroscopic_torque(slot.inertia), slot.weight + slot.force, {}};
     Vec3& spin = next.now.angular_velocity;
-    if (next.turned) spin = next.now.orientation * turn_freely(next.now.orientation, slot.inertia, spin, h).after;
+    if (next.turned) spin = turned_freely(next.now.orientation, slot.inertia, spin, h);
     next.loaded = accelerated(slot, next.now, h * next.force, h * slot.torque);
     load(slot, next);
     stepped_[id] = {slot.mass, slot.inertia, next.loaded};
