@@ -30,6 +30,7 @@ class Cyclic {
   /// Deadline of the current step: the next release.
   [[nodiscard]] TimePoint deadline() const noexcept { return next_; }
   [[nodiscard]] TimePoint released() const noexcept { return released_; }
+  [[nodiscard]] Duration period() const noexcept { return period_; }
   /// Lengthens the following periods by `ppm` (negative: shortens).
   void slew(double ppm) noexcept {
     slewed_ = Duration(static_cast<std::int64_t>(static_cast<double>(period_.count()) * (1.0 + 1e-6 * ppm)));

@@ -58,8 +58,13 @@ class Lateness {
   /// Ends the step.
   void end(TimePoint now, const ThreadUse& use) noexcept {
     withheld_ += preempted(now, use);
+    worked_ = use.cpu - before_.cpu;
     before_ = use;
   }
+  /// The thread has slept between two steps, by its own will.
+  void slept(const ThreadUse& use) noexcept { before_ = use; }
+  /// CPU time of the last step.
+  [[nodiscard]] Duration worked() const noexcept { return worked_; }
 
  private:
   static int periods(Duration late, Duration period) noexcept {
@@ -75,6 +80,7 @@ class Lateness {
 
   Duration withheld_{};  ///< time withheld by the OS, up to the current step
   Duration woken_late_{};
+  Duration worked_{};
   TimePoint woke_{};
   bool slept_ = false;
   ThreadUse before_;  ///< at the end of the previous step

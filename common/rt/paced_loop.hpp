@@ -4,6 +4,8 @@
 #include "rt/lateness.hpp"
 #include "rt/stages.hpp"
 
+#include <thread>
+
 namespace subworld {
 
 /// Common part of every real-time loop, around its step. It waits for the release, measures the lateness at the step's
@@ -16,8 +18,13 @@ class PacedLoop {
   PacedLoop(TimePoint start, double period_s, Duration spin, Stages<Enum>& stages) noexcept
       : cyclic_(start, from_seconds(period_s), spin), lateness_(thread_use()), stages_(stages) {}
 
-  /// Waits for the next release.
+  /// Waits for the next release. A loop that is a whole period behind first leaves its core for a tenth of its work:
+  /// threads of lower priority deliver its messages there, and may run its device.
   void wait() noexcept {
+    if (Clock::now() > cyclic_.deadline() + cyclic_.period()) {
+      std::this_thread::sleep_for(lateness_.worked() / 10);
+      lateness_.slept(thread_use());
+    }
     asked_ = Clock::now();
     lateness_s_ = to_seconds(cyclic_.wait());
   }

@@ -15,10 +15,13 @@ struct Options;
 /// The cores of each program; none: any.
 struct Placement {
   std::vector<int> world;   ///< world_sim
-  std::vector<int> others;  ///< every other program
+  std::vector<int> others;  ///< haptic_sim and device_sim
 
-  [[nodiscard]] const std::vector<int>& of(std::string_view program) const noexcept {
-    return program == "world_sim" ? world : others;
+  /// Programs without a priority may run anywhere: beside loops that have one, they would fill a core, and the kernel
+  /// then halts the loops for up to 50 ms of each second.
+  [[nodiscard]] std::vector<int> of(std::string_view program) const {
+    if (program == "world_sim") return world;
+    return program == "haptic_sim" || program == "device_sim" ? others : std::vector<int>{};
   }
 };
 

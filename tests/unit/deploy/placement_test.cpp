@@ -23,6 +23,7 @@ TEST(Placement, TheWorldTakesTheLastCoreAndTheOthersTheRest) {
   EXPECT_EQ(two.of("world_sim"), std::vector<int>{5});
   EXPECT_EQ(two.of("haptic_sim"), std::vector<int>{2});
   EXPECT_EQ(two.of("device_sim"), std::vector<int>{2});
+  EXPECT_TRUE(two.of("gui_headless").empty());
   EXPECT_EQ(to_text(place(scene_for(4), kFour).others), "0,1,2");
 }
 
