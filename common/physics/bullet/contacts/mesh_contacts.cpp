@@ -1,6 +1,7 @@
 #include "physics/bullet/contacts/contact_algorithm.hpp"
 #include "physics/bullet/contacts/convex_contacts.hpp"
 #include "physics/bullet/contacts/convex_points.hpp"
+#include "physics/bullet/contacts/corners.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -152,32 +153,59 @@ class ConvexMesh final : public ContactAlgorithm {
       const bool there =
           std::any_of(group->points.begin(), group->points.begin() + group->count,
                       [&](const PatchPoint& q) { return (q.on_b - p.on_b).squaredNorm() < reach_ * reach_; });
-      if (there || group->count == kMostFound) continue;
+      if (there) continue;
+      if (group->count == kMostFound) thin(*group);
       group->points[group->count++] = {p.on_b, p.distance, (number << 6) ^ p.feature};
     }
   }
 
   /// Whether a triangle that meets another one's contact rises beyond it: then the contact is none of the surface.
   [[nodiscard]] bool is_inner(const Patch& patch) const {
-    const double near_m = kFine * reach_;
-    const auto rises = [&](const Triangle& corners, const Vec3& from) {
-      return std::ranges::any_of(corners, [&](const Vec3& corner) {
-        const Vec3 way = corner - from;
-        return patch.normal.dot(way) > kAbove * (way.norm() + near_m);
-      });
-    };
-    const auto meets = [&](const Triangle& corners, const Vec3& point) {
-      const Vec3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
-      if (std::abs(normal.dot(point - corners[0])) > near_m) return false;
-      for (std::size_t i = 0; i < 3; ++i) {
-        const Vec3 outwards = (corners[(i + 1) % 3] - corners[i]).cross(normal).normalized();
-        if (outwards.dot(point - corners[i]) > near_m) return false;
-      }
-      return true;
-    };
     const Vec3& deepest = std::ranges::min(patch.all(), {}, &PatchPoint::distance).on_b;
-    return std::ranges::any_of(nearby_,
-                               [&](const auto& one) { return rises(one.first, deepest) && meets(one.first, deepest); });
+    return std::ranges::any_of(nearby_, [&](const auto& one) { return rises(one.first, deepest, patch.normal); });
+  }
+  /// Whether a triangle has the point, and from there a way within it that leads up.
+  [[nodiscard]] bool rises(const Triangle& corners, const Vec3& point, const Vec3& up) const {
+    const double near_m = kFine * reach_;
+    const Vec3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+    if (std::abs(normal.dot(point - corners[0])) > near_m) return false;
+    const Vec3 steepest = up - up.dot(normal) * normal;
+    Vec3 way = steepest;
+    std::size_t edges = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vec3 outwards = (corners[(i + 1) % 3] - corners[i]).cross(normal).normalized();
+      const double outside_m = outwards.dot(point - corners[i]);
+      if (outside_m > near_m) return false;
+      if (outside_m < -near_m) continue;
+      ++edges;
+      if (steepest.dot(outwards) > 0.0) way -= steepest.dot(outwards) * outwards;
+    }
+    if (edges < 2 || way == steepest) return way.norm() > kAbove;
+    return std::ranges::any_of(corners, [&](const Vec3& corner) {
+      const Vec3 there = corner - point;
+      return up.dot(there) > kAbove * (there.norm() + near_m);
+    });
+  }
+
+  /// Of more points than there is room for, the outermost ones and the deepest remain.
+  static void thin(Group& group) {
+    constexpr int kOutermost = 16;
+    const Vec3 u = across(group.normal), v = group.normal.cross(u);
+    std::array<bool, kMostFound> kept{};
+    const auto keep_most = [&](const auto& of) {
+      const auto most = std::ranges::max_element(group.points, {}, of);
+      kept[static_cast<std::size_t>(most - group.points.begin())] = true;
+    };
+    keep_most([](const PatchPoint& p) { return -p.distance; });
+    for (int k = 0; k < kOutermost; ++k) {
+      const double angle = 2.0 * M_PI * k / kOutermost;
+      const Vec3 along = std::cos(angle) * u + std::sin(angle) * v;
+      keep_most([&](const PatchPoint& p) { return along.dot(p.on_b); });
+    }
+    group.count = 0;
+    for (std::size_t i = 0; i < kMostFound; ++i) {
+      if (kept[i]) group.points[group.count++] = group.points[i];
+    }
   }
 
   /// If there are too many directions, the one with the least penetration is replaced.
