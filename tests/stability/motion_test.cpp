@@ -206,40 +206,68 @@ TEST_P(Sweeps, into_what_is_in_its_way) {
   for (const char* name : {"box", "pill"}) EXPECT_LT(end(name).angular_velocity.z(), 100.0) << name;
 }
 
-// A flat mesh without friction: the edges between its triangles are not there.
-class Glides : public Motion {};
-TEST_P(Glides, over_a_flat_mesh_as_over_a_plane) {
-  const TemporaryFolder folder;
+/// A mesh in the plane z = 0 over [-1, 3] x [-1, 3] m: cells with diagonals that alternate, or all turn the same way.
+std::string flat_mesh(int cells_x, int cells_y, bool alternate) {
   std::string mesh;
-  constexpr int kCells = 40;
-  for (int i = 0; i <= kCells; ++i)
-    for (int k = 0; k <= kCells; ++k) mesh += fmt::format("v {} {} 0\n", 0.1 * i - 1.0, 0.1 * k - 1.0);
-  for (int i = 0; i < kCells; ++i) {
-    for (int k = 0; k < kCells; ++k) {
-      const int a = i * (kCells + 1) + k + 1, b = a + kCells + 1;
-      mesh += (i + k) % 2 == 0 ? fmt::format("f {0} {1} {3}\nf {0} {3} {2}\n", a, b, a + 1, b + 1)
-                               : fmt::format("f {0} {1} {2}\nf {1} {3} {2}\n", a, b, a + 1, b + 1);
+  for (int i = 0; i <= cells_x; ++i)
+    for (int k = 0; k <= cells_y; ++k)
+      mesh += fmt::format("v {} {} 0\n", 4.0 * i / cells_x - 1.0, 4.0 * k / cells_y - 1.0);
+  for (int i = 0; i < cells_x; ++i) {
+    for (int k = 0; k < cells_y; ++k) {
+      const int a = i * (cells_y + 1) + k + 1, b = a + cells_y + 1;
+      mesh += alternate && (i + k) % 2 != 0 ? fmt::format("f {0} {1} {2}\nf {1} {3} {2}\n", a, b, a + 1, b + 1)
+                                            : fmt::format("f {0} {1} {3}\nf {0} {3} {2}\n", a, b, a + 1, b + 1);
     }
   }
-  folder.write("floor.obj", mesh);
-  const auto [engine, preset] = GetParam();
-  constexpr const char* kRest = ", mass_kg: 0.5, material: smooth, rotates: false, velocity_m_s: [1, 0.07, 0]}\n";
-  scene_ = load_scene(folder.write(
-      "scene.yaml",
-      fmt::format("name: glide\nsettings:\n  duration_s: 2\n{}  world: {{engine: {}, preset: {}}}\nmaterials:\n  "
-                  "smooth: {{friction: 0}}\nbodies:\n  - {{name: floor, shape: mesh, file: floor.obj, fixed: true, "
-                  "material: smooth}}\n  - {{name: ball, shape: sphere, radius_m: 0.03, position_m: [-0.5, 0.5, 0.03]{}"
-                  "  - {{name: puck, shape: cylinder, radius_m: 0.05, length_m: 0.04, position_m: [-0.5, -0.7, 0.02]{}"
-                  "  - {{name: pill, shape: capsule, radius_m: 0.03, length_m: 0.1, position_m: [-0.5, -0.4, 0.03], "
-                  "rotation: {{axis: [0, 1, 0], angle_deg: 90}}{}"
-                  "  - {{name: box, shape: box, size_m: [0.1, 0.1, 0.1], position_m: [-0.5, 0.0, 0.05]{}{}",
-                  kAtOnce, engine, preset, kRest, kRest, kRest, kRest, kIdleUser)));
-  run_.emplace(scene_);
-  ASSERT_TRUE(run_->run());
-  for (const char* name : {"ball", "puck", "pill", "box"}) {
-    EXPECT_NEAR(end(name).linear_velocity.x(), 1.0, 2e-3) << name;
-    EXPECT_NEAR(end(name).linear_velocity.y(), 0.07, 2e-3) << name;
+  return mesh;
+}
+// Without friction, on a floor of many parts that are flush: Newton's first law. Its inner edges are not there.
+class Glides : public Motion {
+ protected:
+  void glide(const std::string& floor, const std::string& mesh, bool rotates) {
+    const TemporaryFolder folder;
+    folder.write("floor.obj", mesh);
+    folder.write("octagon.obj",
+                 "v 5 2 -3\nv 2 5 -3\nv -2 5 -3\nv -5 2 -3\nv -5 -2 -3\nv -2 -5 -3\nv 2 -5 -3\nv 5 -2 -3\n"
+                 "v 5 2 3\nv 2 5 3\nv -2 5 3\nv -5 2 3\nv -5 -2 3\nv -2 -5 3\nv 2 -5 3\nv 5 -2 3\n"
+                 "f 1 2 3 4 5 6 7 8\nf 16 15 14 13 12 11 10 9\n");
+    const auto [engine, preset] = GetParam();
+    const std::string rest = fmt::format(
+        ", mass_kg: 0.5, material: smooth, rotates: {}, velocity_m_s: [1, 0.07, 0]}}\n", rotates ? "true" : "false");
+    scene_ = load_scene(folder.write(
+        "scene.yaml",
+        fmt::format(
+            "name: glide\nsettings:\n  duration_s: 2\n{}  world: {{engine: {}, preset: {}}}\nmaterials:\n  "
+            "smooth: {{friction: 0}}\nbodies:\n{}"
+            "  - {{name: ball, shape: sphere, radius_m: 0.03, position_m: [-0.5, 0.5, 0.03]{}"
+            "  - {{name: puck, shape: cylinder, radius_m: 0.05, length_m: 0.04, position_m: [-0.5, -0.7, 0.02]{}"
+            "  - {{name: pill, shape: capsule, radius_m: 0.03, length_m: 0.1, position_m: [-0.5, -0.4, 0.03], "
+            "rotation: {{axis: [0, 1, 0], angle_deg: 90}}{}"
+            "  - {{name: box, shape: box, size_m: [0.1, 0.1, 0.1], position_m: [-0.5, 0.0, 0.05]{}"
+            "  - {{name: hull, shape: convex, file: octagon.obj, scale: 0.01, position_m: [-0.5, 0.8, 0.03]{}{}",
+            kAtOnce, engine, preset, floor, rest, rest, rest, rest, rest, kIdleUser)));
+    run_.emplace(scene_);
+    ASSERT_TRUE(run_->run());
+    for (const char* name : {"ball", "puck", "pill", "box", "hull"}) {
+      EXPECT_NEAR(end(name).linear_velocity.x(), 1.0, 1e-3) << name;
+      EXPECT_NEAR(end(name).linear_velocity.y(), 0.07, 1e-3) << name;
+    }
   }
+};
+constexpr const char* kMeshFloor = "  - {name: floor, shape: mesh, file: floor.obj, fixed: true, material: smooth}\n";
+TEST_P(Glides, over_a_flat_mesh) { glide(kMeshFloor, flat_mesh(40, 40, true), false); }
+TEST_P(Glides, over_small_triangles) { glide(kMeshFloor, flat_mesh(160, 160, false), true); }
+TEST_P(Glides, over_slivers) { glide(kMeshFloor, flat_mesh(1000, 1, false), true); }
+TEST_P(Glides, along_slivers) { glide(kMeshFloor, flat_mesh(1, 1000, false), true); }
+TEST_P(Glides, over_tiles) {
+  std::string tiles;
+  for (int i = 0; i < 256; ++i)
+    tiles += fmt::format(
+        "  - {{name: tile{}, shape: box, size_m: [0.25, 0.25, 0.05], fixed: true, material: smooth, position_m: [{}, "
+        "{}, "
+        "-0.025]}}\n",
+        i, 0.25 * (i / 16) - 0.875, 0.25 * (i % 16) - 0.875);
+  glide(tiles, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", true);
 }
 
 /// Runs a tool of one user along its path; the force on the operator at each haptic step.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "physics/bullet/contacts/contact_points.hpp"
+#include "physics/bullet/contacts/flush_bodies.hpp"
 #include "physics/bullet/contacts/left_contacts.hpp"
 #include "physics/bullet/solver/contact_rows.hpp"
 #include "physics/bullet/solver/group_solver.hpp"
@@ -115,6 +116,7 @@ class SmallStepWorld final : public btDiscreteDynamicsWorld {
 
  private:
   void solveConstraints(btContactSolverInfo& info) override {
+    flush_bodies_.leave_out_seams(*getDispatcher());
     left_contacts_.give_back(*getDispatcher());
     btDiscreteDynamicsWorld::solveConstraints(info);
   }
@@ -122,6 +124,7 @@ class SmallStepWorld final : public btDiscreteDynamicsWorld {
     if (!solver_moves_) btDiscreteDynamicsWorld::integrateTransforms(dt);
   }
 
+  FlushBodies flush_bodies_;
   LeftContacts left_contacts_;
   bool solver_moves_ = false;
 };

@@ -96,7 +96,8 @@ TEST_F(BrowserDevice, TwoPagesAndAnEmulatedUserLiftACubeAndOneTabCloses) {
   for (int tries = 0; tries < 3 && (largest.size_n > kNoStep_n || absences > 0); ++tries) {
     std::filesystem::remove_all(out());
     // Three users of 1 kHz fill two cores: then the OS takes part in what is felt.
-    begin(file, {"--device", "emulated,browser,browser", "--duration", "11.3", "--bodies", "cube", "--set", "h_s=0.002"});
+    begin(file,
+          {"--device", "emulated,browser,browser", "--duration", "11.3", "--bodies", "cube", "--set", "h_s=0.002"});
     touch("lift");
     EXPECT_EQ(run_->wait().value_or(-1), 0) << run_->err();
     absences = summary()["device"][1]["driver"]["absences"];
