@@ -73,6 +73,20 @@ std::optional<double> first_touch(const Placed& a, const Sweep& sweep_a, const P
   return passed;
 }
 
+bool passes_by(const Patch& patch, const Placed& a, const Sweep& sweep_a, const Placed& b, const Sweep& sweep_b,
+               double dt, double fine) {
+  constexpr double kClose = 1e-3;  // of what is fine for a choice
+  bool stops = false;
+  for (const PatchPoint& p : patch.all()) {
+    if (p.distance <= 0.0) return false;
+    const Vec3 on_a = p.on_b + p.distance * patch.normal;
+    const Vec3 speed =
+        sweep_b.velocity + sweep_b.spin.cross(p.on_b - b.at) - sweep_a.velocity - sweep_a.spin.cross(on_a - a.at);
+    stops = stops || dt * speed.dot(patch.normal) > p.distance;
+  }
+  return stops && !first_touch(a, sweep_a, b, sweep_b, dt, kClose * fine);
+}
+
 Ahead back_from(const PatchPoint& point, const Vec3& normal, const Placed& a_then, const Placed& a_now,
                 const Placed& b_then, const Placed& b_now) {
   const Vec3 on_a = point.on_b + point.distance * normal;

@@ -38,6 +38,11 @@ class FastPair {
 [[nodiscard]] std::optional<double> first_touch(const Placed& a, const Sweep& sweep_a, const Placed& b,
                                                 const Sweep& sweep_b, double dt, double fine);
 
+/// Whether two separate shapes do not touch within dt although their contact would stop them: a peg passes the edge of
+/// its hole. `patch`: of a and b now.
+[[nodiscard]] bool passes_by(const Patch& patch, const Placed& a, const Sweep& sweep_a, const Placed& b,
+                             const Sweep& sweep_b, double dt, double fine);
+
 /// A future contact in present coordinates: the points of a later patch, at their present distance.
 struct Ahead {
   Vec3 on_a, on_b;  ///< m

@@ -39,6 +39,7 @@ class ConvexConvex final : public ConvexAlgorithm {
       if (patch.count == 0) return look_ahead(*manifold_, a, b, way, info.m_timeStep);
       patch = touch(at_a, at_b, way, kFine * reach_, memory_);
     }
+    if (passes_by(patch, at_a, Sweep(a), at_b, Sweep(b), info.m_timeStep, kFine * reach_)) patch.count = 0;
     if (patch.count > 0 || manifold_->getNumContacts() > 0) write(*manifold_, in_world(patch, origin), a, b, same_);
   }
 };

@@ -35,7 +35,7 @@ class ConvexMesh final : public ContactAlgorithm {
     const btVector3& origin = a.getWorldTransform().getOrigin();
     const Placed now = placed(a, origin);
     const double way = pair_.way(a, b, info.m_timeStep);
-    gather(now, b, origin, way);
+    gather(now, a, b, origin, way, info.m_timeStep);
     const bool ahead = groups_ == 0 && way > 0.0;
     const Placed then = ahead ? first_at(now, a, b, origin, way, info.m_timeStep) : now;
     write_groups(now, then, a, b, origin);
@@ -96,7 +96,8 @@ class ConvexMesh final : public ContactAlgorithm {
   }
 
   /// For a direction in which the body touches now, includes all points within `way`.
-  void gather(const Placed& body, const btCollisionObject& mesh, const btVector3& origin, double way) {
+  void gather(const Placed& body, const btCollisionObject& object, const btCollisionObject& mesh,
+              const btVector3& origin, double way, double dt) {
     groups_ = 0;
     const double reach = std::max(reach_, way);
     const Box box = box_around(body, reach);
@@ -105,8 +106,12 @@ class ConvexMesh final : public ContactAlgorithm {
       const auto& corners = triangle.get().vertices;
       nearby_.push_back({{corners[0], corners[1], corners[2]}, number});
     });
+    const Sweep sweep(object), still(mesh);
+    const auto passes = [&](const Patch& patch, const Placed& triangle) {
+      return passes_by(patch, body, sweep, triangle, still, dt, kFine * reach_);
+    };
     for (const auto& [corners, number] : nearby_)
-      touch_triangle(body, ConvexTriangle(corners[0], corners[1], corners[2]), number, reach);
+      touch_triangle(body, ConvexTriangle(corners[0], corners[1], corners[2]), number, reach, passes);
     const auto end = std::remove_if(group_.begin(), group_.begin() + groups_,
                                     [&](const Group& group) { return group.deepest > reach_; });
     groups_ = static_cast<std::size_t>(end - group_.begin());
@@ -130,11 +135,13 @@ class ConvexMesh final : public ContactAlgorithm {
     });
     if (!any) return now;
     const Placed then = sweep.after(now, first);
-    gather(then, mesh, origin, way);
+    gather(then, a, mesh, origin, way, dt);
     return then;
   }
 
-  void touch_triangle(const Placed& body, const ConvexTriangle& triangle, int number, double reach) {
+  template <class Passes>
+  void touch_triangle(const Placed& body, const ConvexTriangle& triangle, int number, double reach,
+                      const Passes& passes) {
     const Placed placed_triangle{triangle.get(), Eigen::Matrix3d::Identity(), Vec3::Zero()};
     PatchMemory memory;
     const Patch patch = touch(body, placed_triangle, reach, kFine * reach_, memory);
@@ -146,6 +153,7 @@ class ConvexMesh final : public ContactAlgorithm {
     const double above = -body.reach(-patch.normal) - patch.normal.dot(triangle.get().centre);
     if (deepest > reach_ && !(flat && above <= reach_)) return;
     if (std::abs(patch.normal.dot(triangle.normal())) < kAlong && is_inner(patch)) return;
+    if (passes(patch, placed_triangle)) return;
     Group* group = group_for(patch.normal, deepest);
     if (group == nullptr) return;
     group->deepest = std::min(group->deepest, deepest);
