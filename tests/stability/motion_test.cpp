@@ -297,7 +297,7 @@ TEST_P(Clearance, is_not_felt) {
     const std::string proxy = fmt::format("{}, position_m: [0, 0, 0.058]", shape);
     const std::vector<Vec3> free =
         feel("  - {name: far, shape: plane, fixed: true, position_m: [0, 0, -9]}\n", proxy, kPath, 0.7);
-    for (const double play_m : {5e-5, 1e-4, 5e-4}) {
+    for (const double play_m : {2e-5, 1e-4, 5e-4}) {
       std::string blocks;
       for (const int side : {-1, 1})
         blocks += fmt::format(
