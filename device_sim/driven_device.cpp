@@ -63,6 +63,10 @@ DrivenDevice::DrivenDevice(const DriverPlugin& plugin, const DeviceUse& use, con
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     const DriverThread::Report report = driver_.report();
     reports_ = report.number;
+    if (report.phase == DriverThread::Phase::refused) {
+      throw Error(ExitCode::usage, fmt::format("--device-settings of the device {}: {}; it takes: {}", name_,
+                                               report.text.data(), plugin.settings));
+    }
     if (report.phase != DriverThread::Phase::open) {
       if (report.phase == DriverThread::Phase::lost) fault = report.text.data();
       continue;

@@ -49,7 +49,8 @@ class DeviceDriver {
   DeviceDriver(const DeviceDriver&) = delete;
   DeviceDriver& operator=(const DeviceDriver&) = delete;
 
-  /// Called once. Throws where the device is not there: `device_sim` makes another driver later and tries again.
+  /// Called once. Throws where the device is not there: `device_sim` makes another driver later and tries again. Throws
+  /// `std::invalid_argument` where the settings are wrong: the run ends.
   virtual DriverCapabilities open(const DriverRequest& request) = 0;
   /// Returns false, at once or within a period, if there is no reading since the last one. Throws if the device is
   /// gone.

@@ -123,6 +123,8 @@ DriverThread::DriverThread(const DriverPlugin& plugin, std::string settings, int
         const TimePoint now = Clock::now();
         driver->write(output.of(newest.wrench, to_seconds(now - newest.since), now));
       }
+    } catch (const std::invalid_argument& wrong) {
+      x.publish(Phase::refused, wrong.what());
     } catch (const std::exception& lost) {
       x.publish(Phase::lost, lost.what());
     } catch (...) {

@@ -26,12 +26,12 @@ class DriverThread {
     std::uint64_t number = 0;  ///< counts the readings
     DriverReading reading;
   };
-  enum class Phase : std::uint8_t { opening, open, lost };
+  enum class Phase : std::uint8_t { opening, open, lost, refused };
   struct Report {
     std::uint64_t number = 0;  ///< counts the changes
     Phase phase = Phase::opening;
     DriverCapabilities capabilities;
-    std::array<char, 240> text{};  ///< why it was lost
+    std::array<char, 240> text{};  ///< why it was lost, or its settings refused
   };
 
   DriverThread(const DriverPlugin& plugin, std::string settings, int user, int domain);

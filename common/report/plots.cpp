@@ -1,13 +1,16 @@
 #include "report/plots.hpp"
 
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -26,9 +29,9 @@ constexpr std::size_t kFreeLines = 4;
 class WorkFolder {
  public:
   WorkFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "subworld-plots-XXXXXX").string();
+    std::string name = temporary_folder() + "/subworld-plots-XXXXXX";
     if (mkdtemp(name.data()) == nullptr)
-      throw Error(ExitCode::failed, fmt::format("{}: cannot create the folder; is the disk full?", name));
+      throw Error(ExitCode::failed, fmt::format("{}: cannot create the folder: {}", name, std::strerror(errno)));
     path_ = name;
   }
   ~WorkFolder() {
@@ -169,7 +172,7 @@ std::vector<std::string> svg_of(const std::vector<Plot>& plots) {
     for (std::size_t i = 0; i < plots.size(); ++i) script << script_of(plots[i], i);
     script << "set output\n";
   }
-  const std::string command = fmt::format("cd '{}' && gnuplot plots.gp 2>errors.txt", folder.path());
+  const std::string command = fmt::format("cd {} && gnuplot plots.gp 2>errors.txt", shell_word(folder.path()));
   const int status = std::system(command.c_str());
   if (WIFEXITED(status) && WEXITSTATUS(status) == 127) {
     throw Error(ExitCode::failed,

@@ -70,4 +70,28 @@ CoreLoad core_load(const MachineUse& from, const MachineUse& to, double wall_s, 
   return load;
 }
 
+std::optional<CpuQuota> cpu_quota(const std::string& root) {
+  std::optional<CpuQuota> least;
+  const auto consider = [&](const std::string& quota_file, const std::string& period_file) {
+    double quota_us = 0.0, period_us = 0.0;  // "max 100000" is no number, and -1 no limit
+    std::ifstream quota(quota_file), period(period_file);
+    if (!(quota >> quota_us) || !((period_file == quota_file ? quota : period) >> period_us)) return;
+    if (quota_us <= 0.0 || period_us <= 0.0 || (least && least->cores <= quota_us / period_us)) return;
+    least = {quota_us / period_us, quota_file};
+  };
+  // "0::/user.slice" of the second version, "3:cpu,cpuacct:/user.slice" of the first
+  std::ifstream groups(root + "/proc/self/cgroup");
+  for (std::string line; std::getline(groups, line);) {
+    const std::size_t kind = line.find(':') + 1, path = line.find(':', kind) + 1;
+    const std::string mount = root + "/sys/fs/cgroup/" + line.substr(kind, path - kind - 1);
+    for (std::string group = line.substr(path);; group.resize(group.rfind('/'))) {
+      consider(mount + group + "/cpu.max", mount + group + "/cpu.max");
+      consider(mount + "unified" + group + "/cpu.max", mount + "unified" + group + "/cpu.max");
+      consider(mount + group + "/cpu.cfs_quota_us", mount + group + "/cpu.cfs_period_us");
+      if (group.empty()) break;
+    }
+  }
+  return least;
+}
+
 }  // namespace subworld

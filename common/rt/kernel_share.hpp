@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <string>
 
 namespace subworld {
 
@@ -37,5 +39,13 @@ struct CoreLoad {
 /// Of the `wall_s` between two instants on a machine of `cores` cores. No part is negative, and the sum is at most
 /// `cores`: the kernel counts the cores in ticks and the programs exactly, and its stolen time may jump.
 [[nodiscard]] CoreLoad core_load(const MachineUse& from, const MachineUse& to, double wall_s, int cores) noexcept;
+
+/// What the control groups of this process grant it.
+struct CpuQuota {
+  double cores = 0.0;     ///< mean number
+  std::string file = {};  ///< that sets it
+};
+/// The smallest one of its own and the outer groups; none: no limit. `root`: for tests.
+[[nodiscard]] std::optional<CpuQuota> cpu_quota(const std::string& root = "");
 
 }  // namespace subworld

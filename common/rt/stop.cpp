@@ -40,7 +40,7 @@ void handle_stop_signals(void (*handler)(int)) {
   struct sigaction before {};
   const bool under_nohup = sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler == SIG_IGN;
   if (!under_nohup) sigaction(SIGHUP, &action, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
+  for (const int lost : {SIGPIPE, SIGXFSZ}) std::signal(lost, SIG_IGN);  // the write fails, and says why
 }
 
 /// The system's own handling follows when it returns, so that the process ends by this signal.

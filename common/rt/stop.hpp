@@ -6,12 +6,13 @@ namespace subworld {
 inline constexpr double kLongestEnd_s = 1.8;
 
 /// From now on SIGINT, SIGTERM and SIGHUP end the process at once, with exit code 0. For use while a program loads.
-/// SIGPIPE is ignored. A fault (SIGBUS, SIGFPE, SIGILL, SIGSEGV) writes its address and the calls that led to it to the
-/// standard error output, then ends the process.
+/// SIGPIPE and SIGXFSZ are ignored: the write fails. A fault (SIGBUS, SIGFPE, SIGILL, SIGSEGV) writes its address and
+/// the calls that led to it to the standard error output, then ends the process.
 void end_at_stop_signals();
 
 /// From now on SIGINT, SIGTERM and SIGHUP request a stop instead of ending the process. A process that still runs
-/// `forced_after_s` after the first request is ended by force, with exit code 1; 0: never. SIGPIPE is ignored.
+/// `forced_after_s` after the first request is ended by force, with exit code 1; 0: never. SIGPIPE and SIGXFSZ are
+/// ignored.
 void watch_stop_signals(double forced_after_s = 0.0);
 
 /// The first signal that requested a stop, or 0. Safe at any rate.

@@ -1,5 +1,6 @@
 #include "wire/plugin.hpp"
 
+#include "model/joined.hpp"
 #include "model/settings/network.hpp"
 
 #include <arpa/inet.h>
@@ -28,15 +29,18 @@ struct VendorFacts {
   Vendor vendor;
   const char* name;
   const char* package;
-  const char* environment;
 };
 
 constexpr std::array kVendors{
-    VendorFacts{Vendor::fastdds, "fastdds", "libfastrtps2.9", "FASTRTPS_DEFAULT_PROFILES_FILE"},
-    VendorFacts{Vendor::cyclonedds, "cyclonedds", "libddsc0debian", "CYCLONEDDS_URI"},
+    VendorFacts{Vendor::fastdds, "fastdds", "libfastrtps2.9"},
+    VendorFacts{Vendor::cyclonedds, "cyclonedds", "libddsc0debian"},
 };
 
 const VendorFacts& facts(Vendor vendor) { return kVendors[static_cast<std::size_t>(vendor)]; }
+
+const char* settings_variable(Vendor vendor) {
+  return std::ranges::find(kVendorVariables, vendor, &VendorVariable::settings_of)->name;
+}
 
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, message); }
 
@@ -123,6 +127,18 @@ void check_reach(const std::vector<std::string>& peers, const Interface& interfa
 
 }  // namespace
 
+std::vector<std::string> ignore_variables() {
+  std::vector<std::string> ignored;
+  for (const VendorVariable& one : kVendorVariables) {
+    const char* value = one.settings_of ? nullptr : std::getenv(one.name);
+    if (value == nullptr) continue;
+    if (*value != '\0') ignored.emplace_back(one.name);
+    unsetenv(one.name);
+  }
+  setenv("SKIP_DEFAULT_XML_FILE", "1", 1);  // Fast DDS: no file of the working folder
+  return ignored;
+}
+
 Opening prepare(const BusConfig& config) {
   if (config.domain < 0 || config.domain > kLastDomain) {
     fail(fmt::format("DDS domain {}: use 0 .. {}", config.domain, kLastDomain));
@@ -132,8 +148,9 @@ Opening prepare(const BusConfig& config) {
   opening.participants = config.participants;
   opening.participant_name = config.participant_name;
   const VendorFacts& vendor = facts(config.vendor);
-  const char* variable = std::getenv(vendor.environment);
-  const std::string environment = variable != nullptr ? variable : "";
+  const char* variable = settings_variable(config.vendor);
+  const char* value = std::getenv(variable);
+  const std::string environment = value != nullptr ? value : "";
   const bool users_settings = !config.qos_file.empty() || !environment.empty();
   Interface interface;
   if (!config.interface_address.empty()) interface = usable_interface(config.interface_address);
@@ -160,9 +177,11 @@ Opening prepare(const BusConfig& config) {
   } else if (access(beside.c_str(), R_OK) == 0) {
     opening.settings_file = beside.string();
   }
-  opening.settings_source = opening.settings_from_environment ? fmt::format("{}={}", vendor.environment, environment)
+  opening.settings_source = opening.settings_from_environment ? fmt::format("{}={}", variable, environment)
                             : opening.settings_file.empty()   ? "built-in"
                                                               : opening.settings_file;
+  if (const auto ignored = ignore_variables(); !ignored.empty())
+    opening.settings_source += " ignored=" + joined(ignored, ",");
   return opening;
 }
 
@@ -175,7 +194,10 @@ std::string plugin_file(Vendor vendor) {
 }
 
 /// Never unloaded: the vendor's threads and static objects live as long as the process.
-void* load(const std::string& file) { return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE); }
+void* load(const std::string& file) {
+  (void)ignore_variables();
+  return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
+}
 
 }  // namespace
 

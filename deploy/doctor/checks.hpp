@@ -1,6 +1,7 @@
 #pragma once
 
 #include "doctor/facts.hpp"
+#include "io/results/output.hpp"
 
 #include <span>
 #include <string>

@@ -2,7 +2,9 @@
 
 #include "model/messages/exchange.hpp"
 #include "model/settings/network.hpp"
+#include "rt/kernel_share.hpp"
 #include "watch/programs.hpp"
+#include "wire/plugin.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -42,6 +44,7 @@ struct Machine {
   bool fifo = true;              ///< SCHED_FIFO at the priority of the haptic loops was granted
   bool locks_memory = true;
   int cores = 2, allowed_cores = 2;
+  std::optional<CpuQuota> quota = {};
   std::string governor, governor_driver;  ///< empty: the kernel has none
   std::int64_t real_time_runtime_us = 950'000, real_time_period_us = 1'000'000;
   double lateness_p99_s = 0.0, lateness_max_s = 0.0;  ///< of bare loops at 1 kHz
@@ -70,6 +73,7 @@ struct Peer {
   bool neighbour_absent = false;  ///< on the same network, and the address is not in use
   bool refuses = true;            ///< an unused port of the domain answers that it is closed: nothing filters it
   bool refuses_full_size = true;  ///< also a datagram as long as the MTU of the interface
+  bool refuses_fragments = true;  ///< also one as long as a message of the vendors, which travels in fragments
 };
 
 struct NetworkFacts {

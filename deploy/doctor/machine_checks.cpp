@@ -56,6 +56,17 @@ void judge_cores(const Facts& facts, Findings& out) {
                  .cure = fmt::format("taskset --cpu-list --pid 0-{} $$", machine.cores - 1)});
 }
 
+void judge_quota(const Facts& facts, Findings& out) {
+  const auto& quota = facts.machine.quota;
+  if (!quota || quota->cores >= std::min(2, facts.machine.allowed_cores) || !facts.needs.realtime) return;
+  const bool first_version = quota->file.ends_with("quota_us");
+  out.push_back({.what = fmt::format("a control group grants the programs {:.2g} cores", quota->cores),
+                 .why = "when they have used them, the kernel halts all loops without real-time priority for the rest "
+                        "of the period",
+                 .cure = fmt::format("echo {} | {}tee {}  # of a container: the option --cpus, at its start",
+                                     first_version ? "-1" : "max", as_root(facts), quota->file)});
+}
+
 void judge_governor(const Facts& facts, Findings& out) {
   const Machine& machine = facts.machine;
   // Under these drivers the hardware chooses the frequency, and the name means a preference only.
@@ -97,7 +108,7 @@ void judge_temporary_folder(const Facts& facts, Findings& out) {
   const std::string& folder = facts.machine.bad_temporary_folder;
   if (folder.empty()) return;
   out.push_back({.what = fmt::format("the temporary folder {} is missing or cannot be written", folder),
-                 .why = "runs lock their domains there, and start without that folder on no domain",
+                 .why = "/tmp takes its place",
                  .cure = variable(facts, "TMPDIR") != nullptr
                              ? "unset TMPDIR"
                              : fmt::format("{0}mkdir -p {1} && {0}chmod 1777 {1}", as_root(facts), folder)});
@@ -143,19 +154,26 @@ void judge_variable_names(const Facts& facts, Findings& out) {
     out.push_back({.what = fmt::format("the environment variable {} is none of Subworld's{}", name,
                                        near.empty() ? "" : fmt::format("; {}{} is", kPrefix, near)),
                    .why = "it has no effect, and the default holds",
-                   .cure = near.empty() ? fmt::format("unset {}", name)
-                                        : fmt::format("unset {}; export {}{}='{}'", name, kPrefix, near, value)});
+                   .cure = near.empty()
+                               ? fmt::format("unset {}", name)
+                               : fmt::format("unset {}; export {}{}={}", name, kPrefix, near, shell_word(value))});
   }
 }
 
 /// `--qos` wins over the variable.
 void judge_vendor_variables(const Facts& facts, Findings& out) {
   const Request& request = facts.request;
-  for (const auto& [vendor, name] :
-       {std::pair{"cyclonedds", "CYCLONEDDS_URI"}, std::pair{"fastdds", "FASTRTPS_DEFAULT_PROFILES_FILE"}}) {
+  for (const auto& [name, vendor] : wire::kVendorVariables) {
     const std::string* value = variable(facts, name);
-    const bool used = request.network.qos_file.empty() && (request.dds == vendor || request.dds == "mixed");
-    if (value == nullptr || value->empty() || !used) continue;
+    if (value == nullptr || value->empty()) continue;
+    if (!vendor) {
+      out.push_back({.what = fmt::format("{}={} is set, and Subworld ignores it", name, *value),
+                     .why = "programs of ROS and of the DDS vendors use it, those of Subworld find each other by "
+                            "--peers, or by the settings of --qos",
+                     .cure = fmt::format("unset {}", name)});
+      continue;
+    }
+    if (!request.network.qos_file.empty() || (request.dds != name_of(*vendor) && request.dds != "mixed")) continue;
     out.push_back({.what = fmt::format("{}={} takes the place of Subworld's settings of the vendor", name, *value),
                    .why = "interface, peers, buffers and discovery may be those of another system, and differ between "
                           "shells and hosts",
@@ -168,6 +186,7 @@ constexpr std::array kMachineChecks{
     Check{"memory_lock", "memory may be locked", judge_memory_lock},
     Check{"realtime_throttling", "the kernel lets real-time loops use at least 90 % of a core", judge_throttling},
     Check{"cores", "this shell may use at least two of the cores", judge_cores},
+    Check{"cpu_quota", "no control group grants less than the cores of this shell, or two", judge_quota},
     Check{"governor", "the frequency governor is not a saving one", judge_governor},
     Check{"lateness", "bare loops at 1 kHz wake at most half a period late (p99)", judge_lateness},
     Check{"shared_memory", "no files of ended Fast DDS programs are in /dev/shm", judge_shared_memory},
@@ -177,7 +196,8 @@ constexpr std::array kMachineChecks{
           "loaded",
           judge_installation},
     Check{"variable_names", "each variable `SUBWORLD_...` is one of Subworld's", judge_variable_names},
-    Check{"vendor_variables", "no variable of the DDS vendor replaces Subworld's settings", judge_vendor_variables}};
+    Check{"vendor_variables", "no variable of a DDS vendor or of ROS replaces Subworld's settings, or is ignored",
+          judge_vendor_variables}};
 
 }  // namespace
 

@@ -30,7 +30,7 @@ const RunningProgram* world_among(const std::vector<RunningProgram>& programs) {
 
 std::string quoted(const std::string& word) {
   constexpr std::string_view kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./=,:@%+";
-  return !word.empty() && word.find_first_not_of(kPlain) == std::string::npos ? word : "'" + word + "'";
+  return !word.empty() && word.find_first_not_of(kPlain) == std::string::npos ? word : shell_word(word);
 }
 
 /// Options of a command line that belong to one program of a run, or to its host.

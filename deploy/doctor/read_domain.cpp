@@ -56,7 +56,7 @@ void read_ports(int number, Domain& domain) {
   constexpr int kFirstOfParticipants = 10;
   const int first = first_port(number) + kFirstOfParticipants;
   const int last = first + 2 * participant_room(number) - 1;
-  for (const auto& [port, inode] : bound_udp_ports()) {
+  for (const auto& [port, user, inode] : bound_udp_ports()) {
     if (port < first || port > last) continue;
     const auto owner = owner_of_socket(inode);
     constexpr std::array kOurs{"subworld", "world_sim", "haptic_sim", "device_sim", "gui_headless"};
@@ -72,16 +72,11 @@ void read_ports(int number, Domain& domain) {
 
 /// The domain that `subworld run` would choose; 0: none is free.
 int find_free_domain(const Domain& domain) {
-  const std::vector<ClaimedDomain> claimed = claimed_domains();
   const auto ports = bound_udp_ports();
   const char* ros = std::getenv("ROS_DOMAIN_ID");
   for (int number = 100; number >= 60; --number) {
-    const bool taken = std::ranges::find(claimed, number, &ClaimedDomain::domain) != claimed.end() ||
-                       std::ranges::find(domain.programs, number, &RunningProgram::domain) != domain.programs.end() ||
-                       (ros != nullptr && std::to_string(number) == ros) ||
-                       std::ranges::any_of(ports, [&](const auto& one) {
-                         return one.first >= first_port(number) && one.first < first_port(number) + kPortsOfDomain;
-                       });
+    const bool taken = std::ranges::find(domain.programs, number, &RunningProgram::domain) != domain.programs.end() ||
+                       (ros != nullptr && std::to_string(number) == ros) || uses_domain(ports, number);
     if (!taken && domain.number != number) return number;
   }
   return 0;

@@ -1,4 +1,5 @@
 #include "doctor/facts.hpp"
+#include "io/results/output.hpp"
 #include "io/version.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
@@ -52,6 +53,7 @@ std::string line_in(const std::string& file) {
 void read_kernel(Machine& machine) {
   machine.cores = static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
   machine.allowed_cores = static_cast<int>(allowed_cores().size());
+  machine.quota = cpu_quota();
   const std::string frequency = "/sys/devices/system/cpu/cpu0/cpufreq/";
   machine.governor = line_in(frequency + "scaling_governor");
   machine.governor_driver = line_in(frequency + "scaling_driver");
@@ -133,7 +135,7 @@ std::string first_line_of(const std::string& command) {
 InstalledPart program_part(const std::string& name) {
   const std::string file = program_folder() + "/" + name;
   InstalledPart part{.name = name, .version = {}, .fault = {}, .cure = "deploy/build demo"};
-  if (access(file.c_str(), X_OK) == 0) part.version = first_line_of(fmt::format("'{}' --version 2>&1", file));
+  if (access(file.c_str(), X_OK) == 0) part.version = first_line_of(shell_word(file) + " --version 2>&1");
   if (part.version.empty()) {
     part.fault = fmt::format("{} does not exist or does not start", file);
   } else if (!part.version.ends_with(version_text())) {
@@ -176,11 +178,11 @@ void read_environment(Machine& machine) {
   for (char** one = environ; *one != nullptr; ++one) {
     const std::string text = *one;
     const std::size_t equals = text.find('=');
-    for (const char* start :
-         {"SUBWORLD_", "CYCLONEDDS_URI=", "FASTRTPS_DEFAULT_PROFILES_FILE=", "ROS_DOMAIN_ID=", "TMPDIR="}) {
-      if (text.starts_with(start) && equals != std::string::npos)
-        machine.environment.emplace_back(text.substr(0, equals), text.substr(equals + 1));
-    }
+    if (equals == std::string::npos) continue;
+    const std::string name = text.substr(0, equals);
+    if (name.starts_with("SUBWORLD_") || name == "ROS_DOMAIN_ID" || name == "TMPDIR" ||
+        std::ranges::any_of(wire::kVendorVariables, [&](const auto& known) { return name == known.name; }))
+      machine.environment.emplace_back(name, text.substr(equals + 1));
   }
   std::ranges::sort(machine.environment);
 }
@@ -192,8 +194,8 @@ void read_machine(const Request& request, const Needs& needs, Machine& machine) 
   measure_lateness(needs, machine);
   read_shared_memory(machine);
   read_temporary_folder(machine);
+  read_environment(machine);  // before a vendor's library is loaded, which removes the variables that are ignored
   read_parts(request, needs, machine);
-  read_environment(machine);
 }
 
 }  // namespace subworld::doctor

@@ -37,6 +37,13 @@ Cause by_late_wake_ups(const char* who, const MachineShare& machine, double usua
                ? ""
                : fmt::format(" ({}{}{})", first, first.empty() || load.empty() ? "" : "; ", load);
   };
+  constexpr double kUsedUp = 0.8;
+  if (run.quota && run.load && run.load->own > kUsedUp * run.quota->cores) {
+    return {Culprit::os,
+            fmt::format("the run's control group grants it {:.2g} cores, of which it used {:.2f}; raise {} (of a "
+                        "container: --cpus)",
+                        run.quota->cores, run.load->own, run.quota->file)};
+  }
   const bool quiet = !run.load || run.load->other + run.load->stolen < kQuietCores;
   const bool full = run.load && run.load->own > kFullCores * run.cores;
   const double bare = run.calibration ? static_cast<double>(run.calibration->late) /

@@ -46,6 +46,7 @@ struct RunResults : WorldPart {
   bool between_hosts = false;  ///< programs ran on several hosts
   int cores = machine_cores();
   std::optional<CoreLoad> load;          ///< empty: not measured, as of the hosts of a session
+  std::optional<CpuQuota> quota;         ///< of the run's control group
   std::optional<BareLoops> calibration;  ///< in real time
   std::vector<HapticResult> haptic;      ///< by user, as `device`; empty: the programs have written no results
   std::vector<DeviceResult> device;

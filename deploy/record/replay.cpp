@@ -142,9 +142,9 @@ int publish(ReplayRequest request, mcap::Reader& reader, const Attachments& atta
   const double h_s = recorded.summary.value("h_s", settings.h_s);
   settings.h_s = h_s;
   settings.set_ratio({recorded.summary.value("ratio", 4), recorded.summary.value("ratio_most", 4)});
-  if (request.page) choose_page_port(request.live);
-  FileLock lock;
-  request.network.domain = claim_domain(request.domain, lock);
+  choose_live_port(request.live, request.page);
+  Claim claim;
+  request.network.domain = claim_domain(request.domain, claim);
   const auto bus = open_bus(request.network, settings, h_s, "world_sim");
   Player player(reader, *bus,
                 {.speed = request.speed,

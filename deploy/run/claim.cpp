@@ -3,13 +3,18 @@
 #include "io/results/json.hpp"
 #include "io/results/output.hpp"
 #include "model/error.hpp"
+#include "watch/programs.hpp"
 
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <fnmatch.h>
+#include <netinet/in.h>
 #include <sys/file.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <ctime>
@@ -57,50 +62,64 @@ bool is_result(const std::filesystem::path& file) {
 
 }  // namespace
 
-FileLock::~FileLock() {
-  if (file_ >= 0) close(file_);
+Claim::~Claim() {
+  if (descriptor_ >= 0) close(descriptor_);
 }
 
-int FileLock::take(const std::string& name) {
-  const auto path = std::filesystem::temp_directory_path() / (name + ".lock");
+bool Claim::take_file(const std::string& name) {
+  const auto path = temporary_folder() + "/" + name + ".lock";
   // A lock needs no right to write. The file may be another user's, and the kernel then refuses to open it with
   // O_CREAT in a shared folder (fs.protected_regular).
   const int error = lock(path.c_str(), O_RDONLY);
-  return error == ENOENT ? lock(path.c_str(), O_RDONLY | O_CREAT) : error;
+  if (error != ENOENT) return error == 0;
+  const int created = lock(path.c_str(), O_RDONLY | O_CREAT);
+  if (descriptor_ >= 0) fchmod(descriptor_, 0644);  // for the runs of other users, also under a umask of 077
+  return created == 0;
 }
 
-bool FileLock::take_folder(const std::string& folder) {
+bool Claim::take_folder(const std::string& folder) {
   return lock(folder.c_str(), O_RDONLY | O_DIRECTORY) != EWOULDBLOCK;
 }
 
-int FileLock::lock(const char* path, int flags) {
-  if (file_ >= 0) close(file_);
-  file_ = open(path, flags | O_CLOEXEC, 0644);
-  return file_ >= 0 && flock(file_, LOCK_EX | LOCK_NB) == 0 ? 0 : errno;
+int Claim::lock(const char* path, int flags) {
+  if (descriptor_ >= 0) close(descriptor_);
+  descriptor_ = open(path, flags | O_CLOEXEC, 0644);
+  return descriptor_ >= 0 && flock(descriptor_, LOCK_EX | LOCK_NB) == 0 ? 0 : errno;
 }
 
-int claim_domain(int wanted, FileLock& lock) {
-  const auto name = [](int domain) { return fmt::format("subworld-domain-{}", domain); };
-  const auto claim = [&](int domain) {
-    const int error = lock.take(name(domain));
-    if (error == 0 || error == EWOULDBLOCK) return error == 0;
-    throw Error(ExitCode::failed,
-                fmt::format("cannot lock domain {}: {}/{}.lock: {}; remove this file, or name another --domain", domain,
-                            std::filesystem::temp_directory_path().string(), name(domain), std::strerror(error)));
+int Claim::take_port(int port) {
+  if (descriptor_ >= 0) close(descriptor_);
+  descriptor_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_in all{};
+  all.sin_family = AF_INET;
+  all.sin_port = htons(static_cast<std::uint16_t>(port));
+  const bool bound = descriptor_ >= 0 && bind(descriptor_, reinterpret_cast<const sockaddr*>(&all), sizeof all) == 0;
+  return bound ? 0 : errno;
+}
+
+int claim_domain(int wanted, Claim& claim) {
+  const auto take = [&](int domain) {
+    const int error = claim.take_port(claim_port(domain));
+    if (error == 0 || error == EADDRINUSE) return error == 0;
+    throw Error(ExitCode::middleware, fmt::format("cannot claim domain {}: UDP port {}: {}; `subworld doctor` examines "
+                                                  "the network",
+                                                  domain, claim_port(domain), std::strerror(error)));
   };
+  const std::vector<BoundPort> used = bound_udp_ports();
   if (wanted >= 0) {
-    if (claim(wanted)) return wanted;
+    if (take(wanted)) return wanted;
+    const auto holder = std::ranges::find(used, claim_port(wanted), &BoundPort::port);
     throw Error(ExitCode::middleware,
-                fmt::format("domain {} is in use by another run on this machine; choose another --domain, or omit it: "
-                            "the first free one is taken",
-                            wanted));
+                fmt::format("domain {} is in use by {}; choose another --domain, or omit it: the first free one is "
+                            "taken",
+                            wanted, holder == used.end() ? "another run on this machine" : owner_text(*holder)));
   }
   for (int domain = kLastDomain; domain >= kFirstDomain; --domain) {
-    if (claim(domain)) return domain;
+    if (!uses_domain(used, domain) && take(domain)) return domain;
   }
   throw Error(ExitCode::middleware,
-              fmt::format("all domains from {} to {} are in use by other runs; name one with --domain", kFirstDomain,
-                          kLastDomain));
+              fmt::format("all domains from {} to {} are in use by other programs; name one with --domain",
+                          kFirstDomain, kLastDomain));
 }
 
 void check_outputs(const Options& options) {
@@ -119,7 +138,7 @@ void check_outputs(const Options& options) {
   check("--trace", options.trace, "[");
 }
 
-void claim_folder(std::string& folder, const std::string& scene, FileLock& lock) {
+void claim_folder(std::string& folder, const std::string& scene, Claim& claim) {
   if (folder.empty()) {
     const std::string wanted = fmt::format("out/{}-{}", scene, local_time("%Y%m%d-%H%M%S"));
     make_folder("out");
@@ -127,7 +146,7 @@ void claim_folder(std::string& folder, const std::string& scene, FileLock& lock)
     for (int n = 2; !std::filesystem::create_directory(folder); ++n) folder = fmt::format("{}-{}", wanted, n);
   }
   make_folder(folder);
-  if (!lock.take_folder(folder)) {
+  if (!claim.take_folder(folder)) {
     throw Error(ExitCode::usage, fmt::format("--out {}: another run writes its results there; choose another folder, "
                                              "or omit it: a new one is made",
                                              folder));

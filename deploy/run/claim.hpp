@@ -6,31 +6,33 @@
 
 namespace subworld {
 
-/// Locks a file of the temporary folder, or a folder, for one run of this machine and the life of this object.
-class FileLock {
+/// Reserves a folder, a file of the temporary folder or a UDP port for one run and the life of this object.
+class Claim {
  public:
-  FileLock() = default;
-  ~FileLock();
-  FileLock(const FileLock&) = delete;
-  FileLock& operator=(const FileLock&) = delete;
+  Claim() = default;
+  ~Claim();
+  Claim(const Claim&) = delete;
+  Claim& operator=(const Claim&) = delete;
 
-  /// 0, EWOULDBLOCK where another run holds it, or the error number where its file cannot be opened.
-  [[nodiscard]] int take(const std::string& name);
+  /// False where another run holds it, or its file cannot be opened.
+  bool take_file(const std::string& name);
   /// False where another run holds this folder. A file system without locks refuses none.
   bool take_folder(const std::string& folder);
+  /// 0, EADDRINUSE where another process of this network namespace has it, or another error number.
+  [[nodiscard]] int take_port(int port);
 
  private:
   /// 0, or the error number.
   int lock(const char* path, int flags);
-  int file_ = -1;
+  int descriptor_ = -1;
 };
 
 /// In each page of a run that `subworld report` writes: with it, the next run in the folder removes the page.
 inline constexpr const char* kReportMark = "Written by Subworld";
 
-/// A domain that no other run on this machine holds while the lock lives: `wanted`, or the first free one where that is
-/// negative. Throws `Error` (middleware).
-[[nodiscard]] int claim_domain(int wanted, FileLock& lock);
+/// A domain that no other run of this network namespace holds while the claim lives: `wanted`; or, where that is
+/// negative, the first one that no program uses. Throws `Error` (middleware).
+[[nodiscard]] int claim_domain(int wanted, Claim& claim);
 
 /// Refuses a file of --record or --trace that holds something else than an earlier one: the run would replace it.
 /// Throws `Error` (usage).
@@ -38,7 +40,7 @@ void check_outputs(const Options& options);
 
 /// Reserves the folder that the user named for this run, and deletes the results of an earlier one; or makes a new one,
 /// named after the scene and the time. Throws `Error` (usage, failed).
-void claim_folder(std::string& folder, const std::string& scene, FileLock& lock);
+void claim_folder(std::string& folder, const std::string& scene, Claim& claim);
 
 /// A run replaces the results in its folder. Throws `Error` (usage) where it goes on from those, or from none.
 void check_resume(const Options& options);

@@ -25,6 +25,8 @@ bool with_socket(const std::string& text, int port, const std::function<bool(int
   if (getaddrinfo(text.c_str(), std::to_string(port).c_str(), &wanted, &found) != 0)
     throw Error(ExitCode::usage, fmt::format("--listen {}: is no IP address", text));
   const int fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  constexpr int kOn = 1;  // as the display listens: also beside the closed connections of an earlier run
+  if (fd >= 0) setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &kOn, sizeof kOn);
   const bool result = act(fd, *found);
   if (fd >= 0) close(fd);
   freeaddrinfo(found);
@@ -48,9 +50,10 @@ bool has_desktop() { return std::getenv("DISPLAY") != nullptr || std::getenv("WA
 
 }  // namespace
 
-void choose_page_port(LiveOptions& live) {
-  if (live.port && *live.port != 0) return;
-  const bool bound = with_socket(live.address, 0, [&](int socket, addrinfo& address) {
+void choose_live_port(LiveOptions& live, bool page) {
+  const int given = live.port.value_or(0);
+  if (given == 0 && !page) return;
+  const bool bound = with_socket(live.address, given, [&](int socket, addrinfo& address) {
     if (bind(socket, address.ai_addr, address.ai_addrlen) != 0 ||
         getsockname(socket, address.ai_addr, &address.ai_addrlen) != 0)
       return false;
@@ -59,8 +62,13 @@ void choose_page_port(LiveOptions& live) {
     return true;
   });
   if (!bound) {
-    throw Error(ExitCode::failed, fmt::format("--page: no port of {} is free: {}; choose another --listen ADDRESS",
-                                              live.address, std::strerror(errno)));
+    const std::string reason = std::strerror(errno);
+    throw Error(ExitCode::failed,
+                given == 0 ? fmt::format("--page: no port of {} is free: {}; choose another --listen ADDRESS",
+                                         live.address, reason)
+                           : fmt::format("--live {}: the port cannot be served on {}: {}; choose another, or 0: a free "
+                                         "one is taken",
+                                         given, live.address, reason));
   }
 }
 

@@ -6,8 +6,9 @@
 
 namespace subworld {
 
-/// Completes the options for --page: a free port where none is given. Throws `Error` (failed) if there is none.
-void choose_page_port(LiveOptions& live);
+/// Completes the options for --page: a free port where none is given. Throws `Error` (failed) where there is none, or
+/// another program has the one that is given.
+void choose_live_port(LiveOptions& live, bool page);
 
 /// "127.0.0.1:8765"
 [[nodiscard]] std::string own_address(const std::string& host, int port);

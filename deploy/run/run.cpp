@@ -5,6 +5,7 @@
 #include "judge/report.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "plan/limits.hpp"
 #include "record/recording.hpp"
 #include "rt/cyclic.hpp"
@@ -16,6 +17,7 @@
 #include "run/run_plan.hpp"
 #include "session/collect.hpp"
 #include "watch/progress.hpp"
+#include "wire/plugin.hpp"
 
 #include <fmt/core.h>
 
@@ -58,6 +60,7 @@ class Run {
     watch_stop_signals();
     begin_ = Clock::now();
     use_ = machine_use();
+    if (plan_.all_here()) run_.quota = cpu_quota();
     const Keeper keeper([&](const std::vector<Restarted>& restarts) {
       run_.restarts = restarts;
       Ended ended;
@@ -80,8 +83,8 @@ class Run {
   void claim() {
     Options& options = request_.options;
     check_outputs(options);
-    if (!session_.has_file()) session_.domain = claim_domain(request_.domain, domain_lock_);
-    claim_folder(options.out, session_.name, folder_lock_);
+    if (!session_.has_file()) session_.domain = claim_domain(request_.domain, domain_claim_);
+    claim_folder(options.out, session_.name, folder_claim_);
     std::filesystem::remove_all(out() + "/hosts");
     if (request_.host.empty())
       space_.emplace(out() + "/summary.json", kSummary_bytes + kUser_bytes * run_.scene.users.size());
@@ -152,7 +155,7 @@ class Run {
     share_cores(request_.options, run_.scene);
     calibration_ = measure_machine(run_.scene.settings);
     // Of several runs at a time only the first is placed: two worlds must not share one core.
-    if (request_.place && cores_lock_.take("subworld-cores") == 0)
+    if (request_.place && cores_claim_.take_file("subworld-cores"))
       plan_.placement = run_.placement = place(run_.scene, allowed_cores());
   }
 
@@ -273,7 +276,7 @@ class Run {
   RunRequest& request_ = plan_.request;
   Session& session_ = plan_.session;
   RunResults run_;
-  FileLock folder_lock_, domain_lock_, cores_lock_;
+  Claim folder_claim_, domain_claim_, cores_claim_;
   std::optional<ReservedFile> space_;
   std::unique_ptr<EmulatedNetwork> network_;  ///< with --namespaces
   std::vector<std::unique_ptr<Host>> hosts_;
@@ -290,6 +293,9 @@ class Run {
 int run(const RunRequest& request) {
   end_at_stop_signals();
   raise_open_files();
+  if (const auto ignored = wire::ignore_variables(); !ignored.empty())
+    fmt::print("subworld: ignored: {}; the programs find each other by --peers, or by the settings of --qos\n",
+               joined(ignored, ", "));
   Scene scene;
   RunPlan plan = plan_run(request, scene);
   return Run(std::move(plan), std::move(scene))();

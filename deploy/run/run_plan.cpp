@@ -123,7 +123,7 @@ RunPlan plan_run(const RunRequest& given, Scene& scene) {
   }
   check_resume(options);
   check_without(options, scene);
-  if (request.page) choose_page_port(options.live);
+  if (request.page || request.session.empty()) choose_live_port(options.live, request.page);
   return plan;
 }
 

@@ -1,6 +1,7 @@
 #include "run/supervise.hpp"
 
 #include "io/ending.hpp"
+#include "io/options/options.hpp"
 #include "model/error.hpp"
 #include "rt/stop.hpp"
 
@@ -281,7 +282,11 @@ int exit_code_of(const Supervisor::Child& child) {
 }
 
 std::string end_of(const Supervisor::Child& child) {
-  if (WIFSIGNALED(child.process.status)) return "killed by " + name_of_signal(WTERMSIG(child.process.status));
+  if (WIFSIGNALED(child.process.status)) {
+    const int signal = WTERMSIG(child.process.status);
+    const bool faulty = signal == SIGSEGV || signal == SIGABRT || signal == SIGBUS;
+    return "killed by " + name_of_signal(signal) + (faulty ? memory_limit_text() : "");
+  }
   const int code = exit_code_of(child);
   if (!child.program.host.empty() && code == kSshFailed) return "was killed there, or ssh lost the connection to it";
   return fmt::format("exited with {}", code);

@@ -102,7 +102,7 @@ int collect(const CollectRequest& request) {
   for (const std::string& folder : request.folders) {
     if (!fs::is_directory(folder))
       throw Error(ExitCode::usage, fmt::format("{}: is no folder; name those that the programs wrote to", folder));
-    if (FileLock still; !still.take_folder(folder))
+    if (Claim still; !still.take_folder(folder))
       throw Error(ExitCode::usage, fmt::format("{}: its run has not ended", folder));
     // A session has its results in another folder than its logs.
     launched = launched || (fs::exists(folder + "/logs/world_sim.log") && !fs::exists(folder + "/hosts"));
@@ -122,13 +122,13 @@ int collect(const CollectRequest& request) {
   run.scene = load_scene(options);
   run.between_hosts = !options.network.peers.empty();
   std::string out = request.out;
-  FileLock lock;
+  Claim claim;
   for (const std::string& folder : request.folders) {
     if (!out.empty() && fs::exists(out) && fs::equivalent(folder, out))
       throw Error(ExitCode::usage,
                   fmt::format("--out {}: holds results that are to be merged; choose another folder", out));
   }
-  claim_folder(out, run.scene.name, lock);
+  claim_folder(out, run.scene.name, claim);
   merge_results(request.folders, out);
   check_parts(run, out);
   run.command_line = request.command_line;

@@ -1,5 +1,6 @@
 #include "session/host.hpp"
 
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
 #include "record/recording.hpp"
@@ -28,13 +29,6 @@ namespace {
 
 /// Without questions, and with an end where a host does not answer.
 constexpr std::array kSshOptions{"-o", "BatchMode=yes", "-o", "ConnectTimeout=10"};
-
-/// A word for a shell.
-std::string shell_word(const std::string& word) {
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
 
 }  // namespace
 

@@ -1,8 +1,7 @@
 #include "watch/programs.hpp"
 
 #include <fmt/core.h>
-#include <sys/stat.h>
-#include <sys/sysmacros.h>
+#include <pwd.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -129,40 +128,38 @@ std::vector<RunningProgram> running_programs() {
 }
 
 std::vector<ClaimedDomain> claimed_domains() {
-  // "1: FLOCK  ADVISORY  WRITE 1234 fe:00:12345 0 EOF", the numbers of the device in hexadecimal digits
-  std::vector<std::pair<std::string, pid_t>> locks;
-  for (const std::string& line : split(file_text("/proc/locks"), '\n')) {
-    std::istringstream words(line);
-    std::string number, kind, advisory, access, pid, place;
-    if (words >> number >> kind >> advisory >> access >> pid >> place && kind == "FLOCK")
-      locks.emplace_back(place, std::atoi(pid.c_str()));
-  }
   std::vector<ClaimedDomain> claimed;
-  std::error_code unset;
-  const files::path folder = files::temp_directory_path(unset);
-  for (int domain = 0; domain <= 232; ++domain) {
-    struct stat file {};
-    if (stat((folder / fmt::format("subworld-domain-{}.lock", domain)).c_str(), &file) != 0) continue;
-    const std::string place = fmt::format("{:02x}:{:02x}:{}", major(file.st_dev), minor(file.st_dev), file.st_ino);
-    const auto lock = std::ranges::find(locks, place, &std::pair<std::string, pid_t>::first);
-    if (lock != locks.end()) claimed.push_back({domain, lock->second});
+  for (const BoundPort& one : bound_udp_ports()) {
+    const int domain = (one.port - claim_port(0)) / kPortsOfDomain;
+    if (one.port != claim_port(domain)) continue;
+    const auto owner = owner_of_socket(one.inode);
+    if (!owner || owner->second.starts_with("subworld")) claimed.push_back({domain, owner ? owner->first : 0});
   }
+  std::ranges::sort(claimed, {}, &ClaimedDomain::domain);
   return claimed;
 }
 
-std::vector<std::pair<int, std::uint64_t>> bound_udp_ports() {
-  std::vector<std::pair<int, std::uint64_t>> ports;
+std::vector<BoundPort> bound_udp_ports() {
+  std::vector<BoundPort> ports;
   for (const std::string& line : split(file_text("/proc/net/udp"), '\n')) {
     std::istringstream words(line);
-    std::string slot, local, remote, state, queues, timer, unanswered, user, timeout;
-    std::uint64_t inode = 0;
-    if (!(words >> slot >> local >> remote >> state >> queues >> timer >> unanswered >> user >> timeout >> inode))
+    std::string slot, local, remote, state, queues, timer, unanswered, timeout;
+    BoundPort bound;
+    if (!(words >> slot >> local >> remote >> state >> queues >> timer >> unanswered >> bound.user >> timeout >>
+          bound.inode))
       continue;
     const std::size_t colon = local.find(':');
     if (colon == std::string::npos) continue;
-    ports.emplace_back(static_cast<int>(std::strtol(local.c_str() + colon + 1, nullptr, 16)), inode);
+    bound.port = static_cast<int>(std::strtol(local.c_str() + colon + 1, nullptr, 16));
+    ports.push_back(bound);
   }
   return ports;
+}
+
+bool uses_domain(const std::vector<BoundPort>& ports, int domain) {
+  const int first = first_port(domain);
+  return std::ranges::any_of(
+      ports, [&](const BoundPort& one) { return one.port >= first && one.port < first + kPortsOfDomain; });
 }
 
 std::optional<std::pair<pid_t, std::string>> owner_of_socket(std::uint64_t inode) {
@@ -177,6 +174,13 @@ std::optional<std::pair<pid_t, std::string>> owner_of_socket(std::uint64_t inode
     }
   }
   return {};
+}
+
+std::string owner_text(const BoundPort& bound) {
+  if (const auto owner = owner_of_socket(bound.inode))
+    return fmt::format("{} (process {})", owner->second, owner->first);
+  const passwd* user = getpwuid(bound.user);
+  return fmt::format("a program of user {}", user == nullptr ? std::to_string(bound.user) : user->pw_name);
 }
 
 std::set<std::string> files_in_use(const std::string& folder) {

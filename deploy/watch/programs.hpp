@@ -39,17 +39,25 @@ struct RunningProgram {
 /// A DDS domain that a run on this machine has claimed.
 struct ClaimedDomain {
   int domain = 0;
-  pid_t pid = 0;  ///< of its launcher
+  pid_t pid = 0;  ///< of its launcher; 0 where it cannot be seen
 };
 
-/// In ascending order, of all network namespaces. Reads /proc/locks and takes no lock, so that it disturbs no start.
+/// In ascending order, of this network namespace. Binds no port, so that it disturbs no start.
 [[nodiscard]] std::vector<ClaimedDomain> claimed_domains();
 
-/// UDP ports of this network namespace that sockets are bound to, with the socket's inode.
-[[nodiscard]] std::vector<std::pair<int, std::uint64_t>> bound_udp_ports();
+/// A UDP port of this network namespace that a socket is bound to.
+struct BoundPort {
+  int port = 0;
+  uid_t user = 0;  ///< of the socket
+  std::uint64_t inode = 0;
+};
+[[nodiscard]] std::vector<BoundPort> bound_udp_ports();
 
 /// The program that has this socket: its id and name; none where it cannot be seen.
 [[nodiscard]] std::optional<std::pair<pid_t, std::string>> owner_of_socket(std::uint64_t inode);
+
+/// "subworld (process 123)"; or "a program of user root", where the process cannot be seen.
+[[nodiscard]] std::string owner_text(const BoundPort& bound);
 
 /// Files that running processes map or have open, of those that this process may see.
 [[nodiscard]] std::set<std::string> files_in_use(const std::string& folder);
@@ -60,5 +68,11 @@ struct ClaimedDomain {
 /// First UDP port of a domain (RTPS 9.6.1.1); its ports end before those of the next domain.
 [[nodiscard]] constexpr int first_port(int domain) noexcept { return 7400 + 250 * domain; }
 inline constexpr int kPortsOfDomain = 250;
+/// The port that a run binds, to have the domain alone. No vendor uses it: participants begin with the next one, and
+/// multicast has the first two.
+[[nodiscard]] constexpr int claim_port(int domain) noexcept { return first_port(domain) + 9; }
+
+/// Whether a socket is bound to a port of the domain.
+[[nodiscard]] bool uses_domain(const std::vector<BoundPort>& ports, int domain);
 
 }  // namespace subworld

@@ -179,7 +179,9 @@ std::string line_of(const Status& status, const RunningProgram* here) {
 
 std::string table_of(const DomainView& view) {
   std::string text = fmt::format("domain {}", view.domain);
-  if (view.launcher) text += fmt::format(", claimed by process {}", *view.launcher);
+  if (view.launcher)
+    text += fmt::format(", claimed by {}",
+                        *view.launcher == 0 ? "a program of another user" : fmt::format("process {}", *view.launcher));
   text += fmt::format(", {} program{}\n", view.statuses.size(), view.statuses.size() == 1 ? "" : "s");
   if (!view.fault.empty()) text += fmt::format("  cannot be joined: {}\n", view.fault);
   if (!view.statuses.empty()) {

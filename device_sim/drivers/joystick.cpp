@@ -29,7 +29,7 @@ class JoystickDriver final : public DeviceDriver {
     reach_m_ = settings.take("workspace_m", 0.1);
     full_n_ = settings.take("force_n", 2.0);
     settings.check();
-    if (full_n_ < 0.0) throw std::runtime_error("setting force_n: must not be negative");
+    if (full_n_ < 0.0) throw std::invalid_argument("setting force_n: must not be negative");
     file_ = ::open(path_.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
     if (file_ < 0) fail("open");
     query();

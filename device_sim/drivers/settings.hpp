@@ -9,7 +9,7 @@
 
 namespace subworld {
 
-/// "key=value" pairs, separated by spaces or commas.
+/// "key=value" pairs, separated by spaces or commas. Wrong ones are a `std::invalid_argument`.
 class DriverSettings {
  public:
   explicit DriverSettings(std::string_view text) {
@@ -20,7 +20,7 @@ class DriverSettings {
     std::istringstream words(spaced);
     for (std::string word; words >> word;) {
       const std::size_t at = word.find('=');
-      if (at == std::string::npos) throw std::runtime_error("setting " + word + ": write it as key=value");
+      if (at == std::string::npos) throw std::invalid_argument("setting " + word + ": write it as key=value");
       values_[word.substr(0, at)] = word.substr(at + 1);
     }
   }
@@ -36,11 +36,11 @@ class DriverSettings {
     if (text.empty()) return otherwise;
     char* end = nullptr;
     const double value = std::strtod(text.c_str(), &end);
-    if (*end != '\0') throw std::runtime_error("setting " + key + "=" + text + ": must be a number");
+    if (*end != '\0') throw std::invalid_argument("setting " + key + "=" + text + ": must be a number");
     return value;
   }
   void check() const {
-    if (!values_.empty()) throw std::runtime_error("setting " + values_.begin()->first + " is unknown");
+    if (!values_.empty()) throw std::invalid_argument("setting " + values_.begin()->first + " is unknown");
   }
 
  private:

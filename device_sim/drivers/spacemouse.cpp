@@ -28,9 +28,9 @@ class SpaceMouseDriver final : public DeviceDriver {
     const double degrees_of_freedom = settings.take("dof", 6.0);
     workspace_m_ = settings.take("workspace_m", 0.5);
     settings.check();
-    if (!(speed_m_s_ > 0.0 && speed_m_s_ <= 1.0)) throw std::runtime_error("setting speed_m_s: must be up to 1 m/s");
+    if (!(speed_m_s_ > 0.0 && speed_m_s_ <= 1.0)) throw std::invalid_argument("setting speed_m_s: must be up to 1 m/s");
     if (!(turn_rad_s_ > 0.0 && turn_rad_s_ <= 10.0))
-      throw std::runtime_error("setting turn_rad_s: must be up to 10 rad/s");
+      throw std::invalid_argument("setting turn_rad_s: must be up to 10 rad/s");
     if (spnav_open() < 0)
       throw std::runtime_error("spacenavd does not answer: install the package spacenavd and start it");
     is_open_ = true;

@@ -35,10 +35,10 @@ class UdpDriver final : public DeviceDriver {
     measures_velocity_ = capabilities.measures_velocity;
     sockaddr_in own{};
     own.sin_family = AF_INET;
-    if (!(port >= 1.0 && port <= 65535.0)) throw std::runtime_error("setting port: must be from 1 to 65535");
+    if (!(port >= 1.0 && port <= 65535.0)) throw std::invalid_argument("setting port: must be from 1 to 65535");
     own.sin_port = htons(static_cast<std::uint16_t>(port));
     if (inet_pton(AF_INET, address.c_str(), &own.sin_addr) != 1)
-      throw std::runtime_error("setting address=" + address + ": must be an IPv4 address of this machine");
+      throw std::invalid_argument("setting address=" + address + ": must be an IPv4 address of this machine");
     socket_.open(reinterpret_cast<const sockaddr*>(&own), sizeof own,
                  "port " + std::to_string(static_cast<int>(port)) + " of " + address);
     return capabilities;

@@ -91,8 +91,8 @@ int Session::answer_request(const std::string& token, bool full) {
 int Session::send_page() {
   char* path = nullptr;
   int size = 0;
-  if (lws_http_get_uri_and_method(connection_, &path, &size) != LWSHUMETH_GET)
-    return refuse("405 Method Not Allowed", "use GET");
+  const int method = lws_http_get_uri_and_method(connection_, &path, &size);
+  if (method != LWSHUMETH_GET && method != LWSHUMETH_HEAD) return refuse("405 Method Not Allowed", "use GET");
   if (std::string_view(path, static_cast<std::size_t>(size)) != "/") return refuse("404 Not Found", "the page is at /");
   const std::span<const std::uint8_t> page = page_gzip();
   if (page.empty()) {
@@ -112,7 +112,9 @@ int Session::refuse(std::string_view status, const std::string& text) {
 int Session::respond(std::string_view status, std::string_view headers, std::string_view body) {
   std::string text(LWS_PRE, '\0');
   text += fmt::format("HTTP/1.1 {}\r\nConnection: close\r\nContent-Length: {}\r\n{}\r\n", status, body.size(), headers);
-  text += body;
+  char* path = nullptr;
+  int size = 0;
+  if (lws_http_get_uri_and_method(connection_, &path, &size) != LWSHUMETH_HEAD) text += body;
   lws_write(connection_, reinterpret_cast<unsigned char*>(text.data()) + LWS_PRE, text.size() - LWS_PRE,
             LWS_WRITE_HTTP_HEADERS);
   return -1;

@@ -4,10 +4,18 @@
 
 #include <gtest/gtest.h>
 
+#include <netinet/in.h>
+#include <sched.h>
+#include <sys/socket.h>
 #include <unistd.h>
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 namespace subworld {
 namespace {
@@ -154,6 +162,46 @@ TEST_P(WireOpen, a_flag_wins_over_the_settings_file) {
   EXPECT_NE(bus->effective_settings().find("foreign.xml"), std::string::npos) << bus->effective_settings();
 }
 
+/// Settings with short messages, and with an interface of their own.
+const char* short_messages(Vendor vendor) {
+  if (vendor == Vendor::cyclonedds) {
+    return R"(<CycloneDDS><Domain Id="any"><General><MaxMessageSize>1400B</MaxMessageSize>
+<FragmentSize>1300B</FragmentSize></General></Domain></CycloneDDS>)";
+  }
+  return R"(<?xml version="1.0"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
+<transport_descriptors><transport_descriptor><transport_id>udp</transport_id><type>UDPv4</type>
+<maxMessageSize>1400</maxMessageSize></transport_descriptor></transport_descriptors>
+<participant profile_name="subworld"><rtps><userTransports><transport_id>udp</transport_id></userTransports>
+<useBuiltinTransports>false</useBuiltinTransports></rtps></participant></profiles></dds>)";
+}
+
+TEST_P(WireOpen, the_interface_of_a_flag_leaves_the_length_of_messages_to_the_settings_file) {
+  const int packets = socket(AF_INET, SOCK_RAW | SOCK_NONBLOCK, IPPROTO_UDP);
+  if (packets < 0) GTEST_SKIP() << "needs the rights of root";
+  auto given = config();
+  given.qos_file = file("short.xml", short_messages(GetParam()));
+  given.interface_address = "127.0.0.1";
+  {
+    const auto bus = open_bus(given), other = open_bus(given);
+    auto writer = bus->writer<Control>(own_);
+    const auto reader = other->reader<Control>(own_);
+    ASSERT_TRUE(until(*bus, [&] { return writer.matched() == 1; }));
+    ASSERT_TRUE(writer.write({7, ControlVerb::set_engine, std::string(60'000, 'x')}));
+    ASSERT_TRUE(writer.wait_for_acknowledgments(20.0));
+  }
+  std::array<std::uint8_t, 65'536> packet{};
+  std::size_t longest = 0;
+  for (ssize_t size = 0; (size = recv(packets, packet.data(), packet.size(), 0)) > 0;) {
+    const int to = (packet[22] << 8) + packet[23] - 7400 - 250 * domain_.number();
+    if (to >= 0 && to < 250) longest = std::max(longest, static_cast<std::size_t>(size));
+  }
+  close(packets);
+  constexpr std::size_t kHeaders = 28;
+  EXPECT_LE(longest, 1400 + kHeaders);
+  EXPECT_GT(longest, 1000U);
+}
+
 TEST_P(WireOpen, the_environment_is_between_the_flag_and_the_file_beside_the_program) {
   const char* variable = GetParam() == Vendor::fastdds ? "FASTRTPS_DEFAULT_PROFILES_FILE" : "CYCLONEDDS_URI";
   const std::string installed = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "qos" /
@@ -170,6 +218,17 @@ TEST_P(WireOpen, the_environment_is_between_the_flag_and_the_file_beside_the_pro
   unsetenv(variable);
 }
 
+TEST_P(WireOpen, a_discovery_server_of_the_environment_is_ignored_with_a_remark) {
+  setenv("ROS_DISCOVERY_SERVER", "127.0.0.1:11811", 1);
+  auto bus = open_bus(config());
+  EXPECT_EQ(std::getenv("ROS_DISCOVERY_SERVER"), nullptr);
+  EXPECT_NE(bus->effective_settings().find("ignored=ROS_DISCOVERY_SERVER"), std::string::npos);
+  auto other = open_bus(config());
+  auto writer = bus->writer<Control>(own_);
+  const auto reader = other->reader<Control>(own_);
+  EXPECT_TRUE(until(*bus, [&] { return writer.matched() == 1; }));
+}
+
 /// It ends: a writer that waited for acknowledgements would exceed the time of this test.
 TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
   auto other = open_bus(config());
@@ -180,6 +239,30 @@ TEST_P(WireOpen, closing_does_not_wait_for_readers_that_are_gone) {
   for (int i = 0; i < 100; ++i) EXPECT_TRUE(writer.write({7, ControlVerb::set_engine, std::string(60'000, 'x')}));
   reader.reset();
   other.reset();
+}
+
+TEST_P(WireOpen, closing_does_not_wait_for_an_interface_that_has_vanished) {
+  if (getuid() != 0) GTEST_SKIP() << "needs the rights of root";
+  std::atomic<bool> closed = false;
+  std::thread elsewhere([&] {
+    ASSERT_EQ(unshare(CLONE_NEWNET), 0);
+    ASSERT_EQ(std::system("ip link set lo up && ip link add left type veth peer name right && "
+                          "ip address add 10.66.0.1/24 dev left && ip link set left up && ip link set right up && "
+                          "until ip link show left | grep -q LOWER_UP; do sleep 0.02; done"),
+              0);
+    auto given = config();
+    given.interface_address = "left";
+    auto bus = open_bus(given);
+    ASSERT_EQ(std::system("ip link delete left"), 0);
+    bus.reset();
+    closed = true;
+  });
+  EXPECT_TRUE(test::eventually([&] { return closed.load(); }, 30.0));
+  if (closed) {
+    elsewhere.join();
+  } else {
+    elsewhere.detach();
+  }
 }
 
 TEST_P(WireOpen, leaves_nothing_in_shared_memory) {

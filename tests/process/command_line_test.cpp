@@ -250,14 +250,16 @@ TEST_F(CommandLine, AMissingVendorIsAMiddlewareErrorWithTheCure) {
 }
 
 TEST_F(CommandLine, ADomainIsForOneRun) {
-  Process first(run_words(scene("press"), {"--duration", "1000"}), folder_.path());
-  ASSERT_TRUE(eventually([&] { return running(out()).size() >= 4; }));
   const std::string elsewhere = folder_.path() + "/second";
   std::filesystem::create_directory(elsewhere);
+  Process first(run_words(scene("press"), {"--duration", "1000"}), folder_.path(), {{"TMPDIR", elsewhere}});
+  ASSERT_TRUE(eventually([&] { return running(out()).size() >= 4; }));
   Process second({program("subworld"), "run", scene("press"), "--domain", domain_.text(), "--out", elsewhere + "/out"},
                  elsewhere);
   EXPECT_EQ(second.wait(), 3);
-  expect_says({3, "", second.err()}, {"domain " + domain_.text(), "in use", "--domain"});
+  expect_says({3, "", second.err()},
+              {"domain " + domain_.text() + " is in use by subworld (process " + std::to_string(first.pid()) + ")",
+               "--domain"});
   EXPECT_GE(running(out()).size(), 4U) << "the first run was disturbed";
   first.signal(SIGTERM);
   EXPECT_EQ(first.wait(), 0);

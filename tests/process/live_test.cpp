@@ -202,6 +202,34 @@ TEST_F(Live, NeedsTheToken) {
   end();
 }
 
+TEST_F(Live, APageIsNotPromisedOnAPortThatIsTaken) {
+  begin();
+  const std::string port = address_.substr(address_.rfind(':') + 1);
+  const TestDomain other;
+  const Ended ended = finish({program("subworld"), "run", scene("row"), "--page", "--live", port, "--domain",
+                              other.text(), "--out", folder_.path() + "/second"});
+  EXPECT_EQ(ended.code, 1);
+  EXPECT_NE(ended.err.find("--live " + port), std::string::npos) << ended.err;
+  EXPECT_EQ(ended.out.find("page:"), std::string::npos) << ended.out;
+  end();
+}
+
+TEST_F(Live, AnswersHeadAsGetWithoutTheBody) {
+  begin();
+  const Ended ended = finish({"/usr/bin/python3", "-c", R"(
+import http.client, sys
+def ask(method):
+    connection = http.client.HTTPConnection(sys.argv[1][5:])
+    connection.request(method, '/')
+    answer = connection.getresponse()
+    return answer.status, answer.getheader('Content-Length'), len(answer.read())
+get, head = ask('GET'), ask('HEAD')
+sys.exit(0 if get[:2] == head[:2] and get[2] > 0 and head[2] == 0 else f'{get} {head}'))",
+                              address_});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  end();
+}
+
 TEST_F(Live, OtherHostsNeedAToken) {
   const auto refused = [&](const Words& flags, const std::string& why) {
     const Ended ended = run(scene("row"), flags);

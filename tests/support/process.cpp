@@ -154,10 +154,8 @@ TestDomain::TestDomain() {
     const int domain = kFirstDomain + (first + i) % count;
     file_ = lock("subworld-test-domain-" + std::to_string(domain) + ".lock");
     if (file_ < 0) continue;
-    // A run by hand may hold it too, or a program that still runs from an earlier test.
-    const int launcher = lock("subworld-domain-" + std::to_string(domain) + ".lock");
-    if (launcher >= 0) close(launcher);
-    if (launcher >= 0 && !in_use(std::to_string(domain))) {
+    // A run by hand may use it, or a program that still runs from an earlier test.
+    if (!in_use(std::to_string(domain))) {
       domain_ = domain;
       return;
     }

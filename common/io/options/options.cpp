@@ -16,6 +16,7 @@
 #include <cctype>
 #include <cstdio>
 #include <cstdlib>
+#include <new>
 
 namespace subworld {
 
@@ -257,10 +258,22 @@ int guarded(const char* program, const std::function<int()>& body) noexcept {
     // One without a text has been printed.
     if (*wrong.what() != '\0') fmt::print(stderr, "{}: error: {}\n", program, wrong.what());
     return static_cast<int>(wrong.code());
+  } catch (const std::bad_alloc&) {
+    fmt::print(stderr, "{}: error: there is too little memory{}\n", program, memory_limit_text());
+    return static_cast<int>(ExitCode::failed);
   } catch (const std::exception& wrong) {
-    fmt::print(stderr, "{}: error: {}\n", program, wrong.what());
+    fmt::print(stderr, "{}: error: {}{}\n", program, wrong.what(), memory_limit_text());
     return static_cast<int>(ExitCode::failed);
   }
+}
+
+std::string memory_limit_text() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return {};
+  return fmt::format(
+      "; a process may use {} kB of memory here, which may be too little: ulimit -v unlimited (or as in "
+      "/etc/security/limits.conf)",
+      limit.rlim_cur >> 10U);
 }
 
 void raise_open_files() {

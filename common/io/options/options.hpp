@@ -101,6 +101,9 @@ void add_network(CommandLine& line, Network& network);
 /// Runs a program's body and turns its exceptions into a message on stderr and an exit code.
 int guarded(const char* program, const std::function<int()>& body) noexcept;
 
+/// "; a process may use 300000 kB of memory here ..." with the cure; empty where no limit is set.
+[[nodiscard]] std::string memory_limit_text();
+
 /// Raises the number of files that this process, and those that it starts, may open, as far as the system allows.
 /// Throws `Error` (failed) where a run would fail for it: a library names another cause then.
 void raise_open_files();

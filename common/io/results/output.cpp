@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <ctime>
 
@@ -68,6 +69,17 @@ int finished(const char* program, int code) {
   if (lost.empty()) return code;
   fmt::print(stderr, "{}: error: {}\n", program, lost);
   return code == static_cast<int>(ExitCode::done) ? static_cast<int>(ExitCode::failed) : code;
+}
+
+std::string temporary_folder() {
+  const char* given = std::getenv("TMPDIR");
+  return given != nullptr && access(given, W_OK | X_OK) == 0 ? given : "/tmp";
+}
+
+std::string shell_word(const std::string& word) {
+  std::string text = "'";
+  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
 }
 
 std::string local_time(const char* form) {

@@ -11,6 +11,10 @@ void outlive_full_output();
 [[nodiscard]] std::string lost_output();
 /// The exit code of a program that has ended with `code`: failed, with a message, where something printed is lost.
 [[nodiscard]] int finished(const char* program, int code);
+/// The folder of temporary files: that of TMPDIR where it can be written, else /tmp.
+[[nodiscard]] std::string temporary_folder();
+/// A word for a shell, in quotes.
+[[nodiscard]] std::string shell_word(const std::string& word);
 /// The time of day in this machine's zone, in the form of strftime().
 [[nodiscard]] std::string local_time(const char* form);
 

@@ -7,11 +7,15 @@
 
 #include <dds/version.h>
 
+#include <chrono>
+#include <future>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <string_view>
+#include <thread>
+#include <utility>
 
 namespace subworld::wire::cyclone {
 namespace {
@@ -106,8 +110,17 @@ class CycloneBackend final : public Backend {
     domains.insert(id_);
   }
 
+  /// Cyclone ends its receiving threads by a datagram to itself. Where the interface has vanished it waits for them for
+  /// ever: then the thread that waits is left behind, and the process ends without it.
   void close() noexcept {
-    dds_delete(domain_);
+    constexpr std::chrono::milliseconds kLongest{1500};
+    std::promise<void> deleted;
+    const std::future<void> end = deleted.get_future();
+    std::thread([domain = domain_, deleted = std::move(deleted)]() mutable {
+      dds_delete(domain);
+      deleted.set_value();
+    }).detach();
+    if (end.wait_for(kLongest) != std::future_status::ready) return;
     const std::lock_guard lock(domains_mutex);
     domains.erase(id_);
   }

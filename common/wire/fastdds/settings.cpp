@@ -9,6 +9,7 @@
 #include <fastrtps/utils/IPLocator.h>
 #include <fastrtps/xmlparser/XMLProfileManager.h>
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -41,11 +42,14 @@ void load_settings(dds::DomainParticipantFactory& factory, const Opening& openin
 
 void use_interface(dds::DomainParticipantQos& qos, const std::string& address, int participants) {
   auto udp = std::make_shared<UDPv4TransportDescriptor>();
-  udp->interfaceWhiteList = {address};
   udp->maxMessageSize = kMessageBytes;
-  udp->maxInitialPeersRange = static_cast<std::uint32_t>(participants);
-  udp->sendBufferSize = 1U << 20U;
-  udp->receiveBufferSize = 4U << 20U;
+  for (const auto& one : qos.transport().user_transports) {
+    if (const auto* users = dynamic_cast<const UDPv4TransportDescriptor*>(one.get())) *udp = *users;
+  }
+  udp->interfaceWhiteList = {address};
+  udp->maxInitialPeersRange = std::max(udp->maxInitialPeersRange, static_cast<std::uint32_t>(participants));
+  if (udp->sendBufferSize == 0) udp->sendBufferSize = 1U << 20U;
+  if (udp->receiveBufferSize == 0) udp->receiveBufferSize = 4U << 20U;
   qos.transport().user_transports = {udp};
   qos.transport().use_builtin_transports = false;  // no shared memory: no files in /dev/shm
 

@@ -111,6 +111,20 @@ TEST_F(RunEnds, TooFewOpenFilesAreNamed) {
   EXPECT_NE(ended.err.find("ulimit -n 1024"), std::string::npos) << ended.err;
 }
 
+TEST_F(RunEnds, LimitsOfTheShellAreNamed) {
+  const auto under = [&](const std::string& limit) {
+    std::string command = limit + "; ";
+    for (const std::string& word : run_words(scene("press"), {"--duration", "1"})) command += "'" + word + "' ";
+    return finish({"/bin/sh", "-c", command});
+  };
+  const Ended small = under("ulimit -f 4");
+  EXPECT_EQ(small.code, 1);
+  EXPECT_NE(small.err.find("File too large"), std::string::npos) << small.err;
+  const Ended narrow = under("ulimit -v 100000");
+  EXPECT_EQ(narrow.code, 1);
+  EXPECT_NE((narrow.out + narrow.err).find("100000 kB of memory here"), std::string::npos) << narrow.err;
+}
+
 TEST_F(RunEnds, ATableThatNoRunHasMadeIsNotReplaced) {
   std::filesystem::create_directories(out());
   std::ofstream(out() + "/world.csv") << "country,city\n";
@@ -122,19 +136,30 @@ TEST_F(RunEnds, ATableThatNoRunHasMadeIsNotReplaced) {
   for (int time = 0; time < 2; ++time) EXPECT_EQ(run(scene("press"), {"--duration", "0.1", "--gui"}).code, 0);
 }
 
-TEST_F(RunEnds, ADomainsLockOfAnotherUserIsNoRun) {
-  const std::string lock = "/tmp/subworld-domain-" + domain_.text() + ".lock";
-  const std::string command = "touch " + lock + "; chmod 644 " + lock +
-                              "; exec setpriv --reuid 65534 --regid 65534 --clear-groups '" + program("subworld") +
-                              "' run '" + scene("press") + "' --duration 0.1 --domain " + domain_.text() + " --out '" +
-                              out() + "/results'";
+TEST_F(RunEnds, ADomainOfAnotherUserIsRefusedAndTheNextIsFree) {
   if (getuid() != 0) GTEST_SKIP() << "needs the rights of root";
   std::filesystem::create_directories(out());
   for (const std::string& open : {folder_.path(), out()})
     std::filesystem::permissions(open, std::filesystem::perms::all);
-  const Ended ended = finish({"/bin/sh", "-c", command});
-  std::filesystem::remove(lock);
-  EXPECT_EQ(ended.code, 0) << ended.err;
+  const auto by_nobody = [&](const Words& flags) {
+    Words words{"/usr/bin/setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups"};
+    for (const Words& more : {Words{program("subworld"), "run", scene("press"), "--duration", "0.1"}, flags})
+      words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  Process first({"/bin/sh", "-c",
+                 "umask 077; exec '" + program("subworld") + "' run '" + scene("press") +
+                     "' --duration 1000 --domain " + domain_.text() + " --out '" + out() + "/first'"},
+                folder_.path());
+  ASSERT_TRUE(eventually([&] { return running(out()).size() >= 4; }));
+  const Ended refused = finish(by_nobody({"--domain", domain_.text(), "--out", out() + "/refused"}));
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_NE(refused.err.find("domain " + domain_.text() + " is in use by a program of user root"), std::string::npos)
+      << refused.err;
+  const Ended next = finish(by_nobody({"--out", out() + "/next"}));
+  EXPECT_EQ(next.code, 0) << next.err;
+  first.signal(SIGTERM);
+  EXPECT_EQ(first.wait(), 0);
 }
 
 class RunOnAFullDisk : public RunEnds, public ::testing::WithParamInterface<std::string> {};

@@ -50,6 +50,17 @@ class Report : public ProcessTest {
   }
 };
 
+TEST_F(Report, IsDrawnWhateverTheTemporaryFolderIsCalled) {
+  const std::string quoted = folder_.path() + "/it's a folder; exit 3";
+  std::filesystem::create_directory(quoted);
+  for (const std::string& temporary : {quoted, std::string("/nowhere")}) {
+    const Environment environment{{"TMPDIR", temporary}};
+    ASSERT_EQ(run(scene("press"), {"--duration", "0.1"}, environment).code, 0) << temporary;
+    const Ended ended = finish({program("subworld"), "report", out()}, environment);
+    EXPECT_EQ(ended.code, 0) << ended.err;
+  }
+}
+
 TEST_F(Report, HasTheFiguresOfTheSummary) {
   ASSERT_EQ(run(scene("lift"), {"--mode", "lockstep", "--duration", "0.5", "--users", "2"}).code, 0);
   const std::string page = page_of(out(), out());

@@ -73,6 +73,16 @@ const std::vector<Fault>& faults() {
       {"realtime_throttling", [](Facts& f) { f.machine.real_time_runtime_us = 500'000; },
        "sysctl -w kernel.sched_rt_runtime_us=950000"},
       {"cores", [](Facts& f) { f.machine.allowed_cores = 1, f.machine.cores = 8; }, "taskset --cpu-list --pid 0-7 $$"},
+      {"cpu_quota",
+       [](Facts& f) {
+         f.machine.quota = {0.3, "/sys/fs/cgroup/cpu.max"};
+       },
+       "echo max | tee /sys/fs"},
+      {"cpu_quota",
+       [](Facts& f) {
+         f.machine.quota = {0.3, "/sys/fs/cgroup/cpu.max"};
+       },
+       "echo max | tee /sys/fs"},
       {"governor", [](Facts& f) { f.machine.governor = "powersave", f.machine.governor_driver = "acpi-cpufreq"; },
        "scaling_governor"},
       {"lateness", [](Facts& f) { f.machine.lateness_p99_s = 0.8e-3; }, "ps -eo"},
@@ -106,13 +116,14 @@ const std::vector<Fault>& faults() {
       {"peer_present",
        [](Facts& f) {
          Peer& peer = f.network.peers[0];
-         peer.neighbour_absent = true, peer.refuses = peer.refuses_full_size = false;
+         peer.neighbour_absent = true, peer.refuses = peer.refuses_full_size = peer.refuses_fragments = false;
        },
        "ip -brief address"},
       {"firewall", [](Facts& f) { f.network.peers[0].refuses = f.network.peers[0].refuses_full_size = false; },
        "udp dport 24900-25149 accept"},
       {"path_mtu", [](Facts& f) { f.network.peers[0].refuses_full_size = false, f.network.interfaces[1].mtu = 9000; },
        "ip link set eth0 mtu 1500"},
+      {"fragments", [](Facts& f) { f.network.peers[0].refuses_fragments = false; }, "frag-off"},
       {"joining", [](Facts& f) { f.domain.fault = "ports in use"; }, "--domain 100"},
       {"joining", [](Facts& f) { f.domain.fault = "QoS file no.xml: none", f.request.network.qos_file = "no.xml"; },
        "subworld doctor --domain 70 --interface eth0 --peers hostb"},
@@ -126,6 +137,11 @@ const std::vector<Fault>& faults() {
          f.machine.environment = {{"FASTRTPS_DEFAULT_PROFILES_FILE", "x.xml"}};
        },
        "unset FASTRTPS_DEFAULT_PROFILES_FILE"},
+      {"vendor_variables",
+       [](Facts& f) {
+         f.machine.environment = {{"ROS_DISCOVERY_SERVER", "127.0.0.1:11811"}};
+       },
+       "unset ROS_DISCOVERY_SERVER"},
       {"socket_buffers", [](Facts& f) { f.machine.receive_buffer_bytes = 212'992; },
        "sysctl -w net.core.rmem_max=4194304"},
       {"socket_buffers", [](Facts& f) { f.machine.send_buffer_bytes = 212'992; },

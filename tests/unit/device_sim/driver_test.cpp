@@ -228,6 +228,20 @@ TEST(DrivenDevice, WithoutAReadingIsAnErrorThatNamesTheFault) {
   }
 }
 
+TEST(DrivenDevice, DoesNotWaitWhereItsSettingsAreWrong) {
+  (void)faulty();
+  const TimePoint begin = Clock::now();
+  try {
+    const DrivenDevice device(driver_plugin("udp"), {.settings = "prot=1"}, {}, 0);
+    ADD_FAILURE() << "opened";
+  } catch (const Error& wrong) {
+    EXPECT_EQ(wrong.code(), ExitCode::usage);
+    EXPECT_NE(std::string(wrong.what()).find("setting prot is unknown; it takes: address="), std::string::npos)
+        << wrong.what();
+  }
+  EXPECT_LT(to_seconds(Clock::now() - begin), 10.0) << "without an error it would wait for 30 s";
+}
+
 TEST(DrivenDevice, LimitsTheSceneToWhatItShows) {
   const DriverCapabilities weak{.degrees_of_freedom = 3, .force_limit_n = 5.0, .torque_limit_n_m = 0.0};
   DeviceSpec spec;

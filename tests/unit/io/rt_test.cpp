@@ -4,12 +4,16 @@
 #include "rt/kernel_share.hpp"
 #include "rt/lateness.hpp"
 #include "rt/stages.hpp"
+#include "support/temporary_folder.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <string>
 
 namespace subworld {
 namespace {
@@ -242,6 +246,24 @@ TEST(CoreLoad, IsWithinTheMachine) {
     for (const double part : {load.own, load.other, load.stolen}) EXPECT_GE(part, 0.0);
     EXPECT_LE(load.own + load.other + load.stolen, 2.0 + 1e-9);
   }
+}
+
+TEST(CpuQuota, IsTheSmallestOfAllControlGroups) {
+  const TemporaryFolder root;
+  const auto write = [&](const std::string& file, const std::string& text) {
+    std::filesystem::create_directories(std::filesystem::path(root.path() + file).parent_path());
+    std::ofstream(root.path() + file) << text;
+  };
+  write("/proc/self/cgroup", "3:cpuset:/\n2:cpu,cpuacct:/box\n0::/user.slice/shell\n");
+  write("/sys/fs/cgroup/user.slice/shell/cpu.max", "max 100000\n");
+  EXPECT_FALSE(cpu_quota(root.path()));
+  write("/sys/fs/cgroup/user.slice/cpu.max", "150000 100000\n");
+  EXPECT_DOUBLE_EQ(cpu_quota(root.path()).value().cores, 1.5);
+  write("/sys/fs/cgroup/cpu,cpuacct/box/cpu.cfs_quota_us", "30000\n");
+  write("/sys/fs/cgroup/cpu,cpuacct/box/cpu.cfs_period_us", "100000\n");
+  const CpuQuota quota = cpu_quota(root.path()).value();
+  EXPECT_DOUBLE_EQ(quota.cores, 0.3);
+  EXPECT_TRUE(quota.file.ends_with("/cpu.cfs_quota_us")) << quota.file;
 }
 
 TEST(CoreLoad, OfThisProcessIsMeasured) {
