@@ -4,14 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include <netinet/in.h>
 #include <sched.h>
-#include <sys/socket.h>
 #include <unistd.h>
-#include <algorithm>
-#include <array>
 #include <atomic>
-#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -160,46 +155,6 @@ TEST_P(WireOpen, a_flag_wins_over_the_settings_file) {
   const auto bus = open_bus(given);
   EXPECT_NE(bus->effective_settings().find("interface=127.0.0.1"), std::string::npos) << bus->effective_settings();
   EXPECT_NE(bus->effective_settings().find("foreign.xml"), std::string::npos) << bus->effective_settings();
-}
-
-/// Settings with short messages, and with an interface of their own.
-const char* short_messages(Vendor vendor) {
-  if (vendor == Vendor::cyclonedds) {
-    return R"(<CycloneDDS><Domain Id="any"><General><MaxMessageSize>1400B</MaxMessageSize>
-<FragmentSize>1300B</FragmentSize></General></Domain></CycloneDDS>)";
-  }
-  return R"(<?xml version="1.0"?>
-<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
-<transport_descriptors><transport_descriptor><transport_id>udp</transport_id><type>UDPv4</type>
-<maxMessageSize>1400</maxMessageSize></transport_descriptor></transport_descriptors>
-<participant profile_name="subworld"><rtps><userTransports><transport_id>udp</transport_id></userTransports>
-<useBuiltinTransports>false</useBuiltinTransports></rtps></participant></profiles></dds>)";
-}
-
-TEST_P(WireOpen, the_interface_of_a_flag_leaves_the_length_of_messages_to_the_settings_file) {
-  const int packets = socket(AF_INET, SOCK_RAW | SOCK_NONBLOCK, IPPROTO_UDP);
-  if (packets < 0) GTEST_SKIP() << "needs the rights of root";
-  auto given = config();
-  given.qos_file = file("short.xml", short_messages(GetParam()));
-  given.interface_address = "127.0.0.1";
-  {
-    const auto bus = open_bus(given), other = open_bus(given);
-    auto writer = bus->writer<Control>(own_);
-    const auto reader = other->reader<Control>(own_);
-    ASSERT_TRUE(until(*bus, [&] { return writer.matched() == 1; }));
-    ASSERT_TRUE(writer.write({7, ControlVerb::set_engine, std::string(60'000, 'x')}));
-    ASSERT_TRUE(writer.wait_for_acknowledgments(20.0));
-  }
-  std::array<std::uint8_t, 65'536> packet{};
-  std::size_t longest = 0;
-  for (ssize_t size = 0; (size = recv(packets, packet.data(), packet.size(), 0)) > 0;) {
-    const int to = (packet[22] << 8) + packet[23] - 7400 - 250 * domain_.number();
-    if (to >= 0 && to < 250) longest = std::max(longest, static_cast<std::size_t>(size));
-  }
-  close(packets);
-  constexpr std::size_t kHeaders = 28;
-  EXPECT_LE(longest, 1400 + kHeaders);
-  EXPECT_GT(longest, 1000U);
 }
 
 TEST_P(WireOpen, the_environment_is_between_the_flag_and_the_file_beside_the_program) {
