@@ -8,9 +8,16 @@ namespace subworld::bullet {
 
 namespace {
 
-/// The separation speed (m/s) of two bodies that approached at `speed`.
-btScalar bounce(btScalar speed, btScalar restitution, btScalar threshold) {
-  return btFabs(speed) < threshold ? btScalar(0) : btMax(restitution * -speed, btScalar(0));
+/// Speed (m/s) along the normal with which a bounce ends the step: that of a flight to the height that Newton's
+/// restitution e gives. Bodies advance v by a h, then x by v h, so that their points lie on a parabola with the speed
+/// v - a h / 2 (a: towards the other body, h: the step, p: approach, d: gap, below 0 if they overlap).
+///   met at the touch:   c^2 = (p + a h / 2)^2 + 2 a d                                         (1)
+///   left at gap d:      (u + a h / 2)^2 = e^2 c^2 - 2 a d                                     (2)
+/// It never exceeds p. A gap above the height of the bounce ends it there, at u = 0.
+btScalar bounce_speed(btScalar approach, btScalar restitution, btScalar gap, btScalar by_force, btScalar dt) {
+  const btScalar half = by_force / 2, square = restitution * restitution;
+  const btScalar left = square * (approach + half) * (approach + half) - 2 * (1 - square) * by_force * gap / dt;
+  return btClamped(btSqrt(btMax(left, btScalar(0))) - half, btScalar(0), approach);
 }
 
 /// One Gauss-Seidel update of a row whose impulse cannot pull. False if nothing changed.
@@ -136,30 +143,28 @@ void ContactSolver::prepare_normal(const btManifoldPoint& point, const Both3& ar
 
   const Both speeds = linear_speed(normal, before.motion) + angular_speed(normal, before.motion);
   const btScalar speed = speeds[0] + speeds[1];
-  btScalar wanted = -speed;
-  normal.plastic = (wanted - (distance > 0 ? distance * per_s : btScalar(0))) * normal.step;
+  normal.plastic = (-speed - (distance > 0 ? distance * per_s : btScalar(0))) * normal.step;
+  normal.rhs = normal.plastic;
+  bool leaves = false;
   if (restitution > 0) {
     const Mover &a = movers_[pair.a], &b = movers_[pair.b];
     const auto velocity = [](const Mover& mover, const Both3& at, int which) {
       if (mover.body == nullptr) return btVector3(0, 0, 0);
       return mover.body->getVelocityInLocalPoint(btVector3(at.x[which], at.y[which], at.z[which]));
     };
-    const btScalar met = axis.dot(velocity(a, arm, 0) - velocity(b, arm, 1));
-    wanted = bounce(met, restitution, info.m_restitutionVelocityThreshold) - speed;
+    const btScalar approach = axis.dot(velocity(b, arm, 1) - velocity(a, arm, 0));
+    const bool touches = distance <= 0 || -speed * info.m_timeStep > distance;
+    if (touches && approach >= info.m_restitutionVelocityThreshold) {
+      const btScalar left = bounce_speed(approach, restitution, distance, -speed - approach, info.m_timeStep);
+      normal.rhs = (left - speed) * normal.step;
+    }
+    leaves = normal.rhs != normal.plastic || speed > 0;
   }
-  if (distance > 0) wanted -= distance * per_s;
-  normal.rhs = wanted * normal.step;
-
-  // Bullet lets a body bounce that is only near, and subtracts the speed that would close the gap: then bounces are
-  // lower, depending on timing. Here a body bounces if it touches within the step, and with full restitution.
-  const btScalar approach = -speed;
-  if (restitution > 0 && distance > 0 && approach >= info.m_restitutionVelocityThreshold) {
-    const btScalar to_touch = distance / info.m_timeStep;
-    normal.rhs += (approach > to_touch ? to_touch : -restitution * approach) * normal.step;
-  }
-  normal.bounce = restitution > 0 ? normal.rhs - normal.plastic : btScalar(0);
+  normal.bounce = normal.rhs - normal.plastic;
   normals_.push_back(normal);
-  pushes_.push_back({distance > 0 ? btScalar(0) : -distance * info.m_erp2 * per_s * normal.step, 0});
+  // A push would add to the height of a bounce.
+  const btScalar depth = distance > 0 || leaves ? btScalar(0) : -distance;
+  pushes_.push_back({depth * info.m_erp2 * per_s * normal.step, 0});
 }
 
 void ContactSolver::set_tangents(btManifoldPoint& point) {
