@@ -63,8 +63,11 @@ void place(Slot& slot, const BodyState& state) {
     const Vec3 normal = q * Vec3::UnitZ();
     dGeomPlaneSetParams(slot.geom, normal.x(), normal.y(), normal.z(), normal.dot(p));
   } else {
-    dGeomSetPosition(slot.geom, p.x(), p.y(), p.z());
-    dGeomSetQuaternion(slot.geom, wxyz);
+    for (const dGeomID geom : {slot.geom, slot.back}) {
+      if (geom == nullptr) continue;
+      dGeomSetPosition(geom, p.x(), p.y(), p.z());
+      dGeomSetQuaternion(geom, wxyz);
+    }
   }
   slot.kept = state;
   set_velocity(slot, state.linear_velocity, state.angular_velocity);

@@ -11,6 +11,7 @@ inline Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
 struct Slot : AdapterSlot {
   Shape shape;
   dGeomID geom = nullptr;
+  dGeomID back = nullptr;  ///< of a mesh, not in ODE's space: the same triangles seen from behind
   dBodyID body = nullptr;  ///< null: fixed
   BodyState kept;          ///< of a fixed body; of a body that does not rotate: its state before the step
 };

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 namespace subworld::ode {
 
@@ -20,6 +21,22 @@ using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
 Solid solid(const Slot& slot, const ShapeStore& shapes) {
   const BodyState s = state_of(slot);
   return {&slot.shape, {s.position, s.orientation}, shapes.hull_points(slot.shape)};
+}
+
+/// ODE's points of two bodies; their number.
+int collide(const Slot& a, const Slot& b, std::span<dContactGeom> found) {
+  const int most = most_points(a.shape_kind, b.shape_kind);
+  int count = dCollide(a.geom, b.geom, most, found.data(), sizeof(dContactGeom));
+  if (a.back == nullptr && b.back == nullptr) return count;
+  // For a box, ODE's triangles have two sides.
+  if (a.shape_kind != ShapeKind::box && b.shape_kind != ShapeKind::box) {
+    count += dCollide(a.back ? a.back : a.geom, b.back ? b.back : b.geom, most, &found[static_cast<std::size_t>(count)],
+                      sizeof(dContactGeom));
+  }
+  // A hull's contact with a triangle that it meets from behind has no depth.
+  const auto end =
+      std::remove_if(found.begin(), found.begin() + count, [](const dContactGeom& c) { return c.depth <= 0.0; });
+  return static_cast<int>(end - found.begin());
 }
 
 }  // namespace
@@ -38,13 +55,12 @@ void ContactPoints::find() {
   });
   std::sort(pairs_.begin(), pairs_.end());
   points_.clear();
-  std::array<dContactGeom, kMostPoints> found;
+  std::array<dContactGeom, 2 * kMostPoints> found;
   for (const auto& [a, b] : pairs_) {
     const ShapeKind kind_a = slots_[a].shape_kind;
     const ShapeKind kind_b = slots_[b].shape_kind;
     const double skins = skin(kind_a) + skin(kind_b);
-    const int count =
-        dCollide(slots_[a].geom, slots_[b].geom, most_points(kind_a, kind_b), found.data(), sizeof(dContactGeom));
+    const int count = collide(slots_[a], slots_[b], found);
     if (count > 0 && needs_patch(kind_a, kind_b)) {
       Vec3 normal = from_ode(found[0].normal);
       const auto touching = patch(solid(slots_[a], shapes_), solid(slots_[b], shapes_), normal);

@@ -132,6 +132,7 @@ class Ode final : public Adapter<Slot> {
       throw Error(ExitCode::usage, fmt::format("body {}: a plane or mesh cannot move; give it mass 0", slot.id));
     }
     slot.geom = shapes_.make(body.shape);
+    slot.back = shapes_.make_back(body.shape);
     slot.shape = body.shape;
     dGeomSetData(slot.geom, reinterpret_cast<void*>(static_cast<std::uintptr_t>(slot.id)));
     dGeomSetCategoryBits(slot.geom, collides.member);
@@ -143,6 +144,7 @@ class Ode final : public Adapter<Slot> {
 
   static void remove_from_ode(Slot& slot) {
     dGeomDestroy(slot.geom);
+    if (slot.back) dGeomDestroy(slot.back);
     if (slot.body) dBodyDestroy(slot.body);
   }
 

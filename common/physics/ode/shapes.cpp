@@ -35,13 +35,14 @@ ShapeStore::Hull ShapeStore::grown_hull(const Mesh& source) {
   return grown;
 }
 
-ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape) {
+ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape, bool back) {
   const Mesh& source = mesh_of(shape, meshes_);
-  const auto [entry, is_new] = triangles_.try_emplace(shape.mesh);
+  const auto [entry, is_new] = triangles_.try_emplace({shape.mesh, back});
   Triangles& held = entry->second;
   if (!is_new) return held;
   for (const Vec3& v : source.vertices) held.vertices.insert(held.vertices.end(), {v.x(), v.y(), v.z()});
-  for (const auto& t : source.triangles) held.indices.insert(held.indices.end(), {t[0], t[1], t[2]});
+  for (const auto& t : source.triangles)
+    held.indices.insert(held.indices.end(), {t[0], t[back ? 2 : 1], t[back ? 1 : 2]});
   held.data = dGeomTriMeshDataCreate();
   dGeomTriMeshDataBuildDouble(held.data, held.vertices.data(), 3 * sizeof(dReal),
                               static_cast<int>(source.vertices.size()), held.indices.data(),
@@ -54,6 +55,11 @@ ShapeStore::Triangles& ShapeStore::triangles(const Shape& shape) {
 std::span<const double> ShapeStore::hull_points(const Shape& shape) const {
   if (shape.kind != ShapeKind::convex) return {};
   return hulls_.at(shape.mesh).points;
+}
+
+dGeomID ShapeStore::make_back(const Shape& shape) {
+  if (shape.kind != ShapeKind::mesh) return nullptr;
+  return dCreateTriMesh(nullptr, triangles(shape, true).data, nullptr, nullptr, nullptr);
 }
 
 dGeomID ShapeStore::make(const Shape& shape) {
@@ -81,7 +87,7 @@ dGeomID ShapeStore::make(const Shape& shape) {
                            hull.points.data(), static_cast<unsigned>(hull.points.size() / 3), hull.polygons.data());
     }
     case ShapeKind::mesh:
-      return dCreateTriMesh(nullptr, triangles(shape).data, nullptr, nullptr, nullptr);
+      return dCreateTriMesh(nullptr, triangles(shape, false).data, nullptr, nullptr, nullptr);
   }
   throw Error(ExitCode::usage, "ODE does not know this kind of shape");
 }

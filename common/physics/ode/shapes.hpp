@@ -6,6 +6,7 @@
 
 #include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace subworld::ode {
@@ -25,6 +26,8 @@ class ShapeStore {
   /// Makes a geometry outside any space; the caller destroys it before the store. Throws `Error` (usage) if a mesh
   /// index is out of range.
   [[nodiscard]] dGeomID make(const Shape& shape);
+  /// The back of a mesh, for whose triangles ODE knows a front only; null for another kind.
+  [[nodiscard]] dGeomID make_back(const Shape& shape);
   /// Corners of the hull of a `convex` that was made, skin included; empty for another kind.
   [[nodiscard]] std::span<const double> hull_points(const Shape& shape) const;
 
@@ -40,11 +43,11 @@ class ShapeStore {
     std::vector<dTriIndex> indices;
   };
   [[nodiscard]] static Hull grown_hull(const Mesh& mesh);
-  [[nodiscard]] Triangles& triangles(const Shape& shape);
+  [[nodiscard]] Triangles& triangles(const Shape& shape, bool back);
 
   std::vector<Mesh> meshes_;
-  std::map<std::uint32_t, Hull> hulls_;           ///< by mesh
-  std::map<std::uint32_t, Triangles> triangles_;  ///< by mesh
+  std::map<std::uint32_t, Hull> hulls_;                            ///< by mesh
+  std::map<std::pair<std::uint32_t, bool>, Triangles> triangles_;  ///< by mesh, and whether they are its back
 };
 
 /// Enlargement of ODE's geometry of this kind (m).
