@@ -5,13 +5,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <span>
 
 namespace subworld::ode {
 
 namespace {
 
-constexpr int kMostPoints = 16;        ///< of a pair
+constexpr int kMostPoints = 16;        ///< of a pair, in the solver
 constexpr double kSliding = 1e-4;      ///< m/s; slower contacts count as sticking
 constexpr double kSamePlace = 0.01;    ///< m, largest motion of one contact point between two steps
 constexpr double kQuietImpact = 1e-3;  ///< m/s; an impact below this plus twice the step's gravity does not bounce
@@ -21,6 +22,28 @@ using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
 Solid solid(const Slot& slot, const ShapeStore& shapes) {
   const BodyState s = state_of(slot);
   return {&slot.shape, {s.position, s.orientation}, shapes.hull_points(slot.shape)};
+}
+
+/// Leaves the deepest point and those that differ most in place and normal; the number of points that are left.
+int spread(std::span<dContactGeom> points) {
+  if (points.size() <= kMostPoints) return static_cast<int>(points.size());
+  std::ranges::iter_swap(points.begin(), std::ranges::max_element(points, {}, &dContactGeom::depth));
+  double size_m = 0.0;
+  for (const dContactGeom& p : points) size_m = std::max(size_m, (from_ode(p.pos) - from_ode(points[0].pos)).norm());
+  std::array<double, 2 * kMostOfMesh> nearest;  // distance to the points before
+  nearest.fill(std::numeric_limits<double>::max());
+  for (std::size_t n = 1; n < kMostPoints; ++n) {
+    std::size_t farthest = n;
+    for (std::size_t i = n; i < points.size(); ++i) {
+      const Vec3 way = from_ode(points[i].pos) - from_ode(points[n - 1].pos);
+      const Vec3 turn = size_m * (from_ode(points[i].normal) - from_ode(points[n - 1].normal));
+      nearest[i] = std::min(nearest[i], way.squaredNorm() + turn.squaredNorm());
+      if (nearest[i] > nearest[farthest]) farthest = i;
+    }
+    std::swap(points[n], points[farthest]);
+    std::swap(nearest[n], nearest[farthest]);
+  }
+  return kMostPoints;
 }
 
 /// ODE's points of two bodies; their number.
@@ -36,14 +59,20 @@ int collide(const Slot& a, const Slot& b, std::span<dContactGeom> found) {
   // A hull's contact with a triangle that it meets from behind has no depth.
   const auto end =
       std::remove_if(found.begin(), found.begin() + count, [](const dContactGeom& c) { return c.depth <= 0.0; });
-  return static_cast<int>(end - found.begin());
+  return spread(found.first(static_cast<std::size_t>(end - found.begin())));
 }
 
 }  // namespace
 
 ContactPoints::ContactPoints(dWorldID world, dSpaceID space, const std::vector<Slot>& slots, const ShapeStore& shapes,
                              double gravity)
-    : world_(world), space_(space), slots_(slots), shapes_(shapes), gravity_(gravity), joints_(dJointGroupCreate(0)) {}
+    : world_(world),
+      space_(space),
+      slots_(slots),
+      shapes_(shapes),
+      gravity_(gravity),
+      joints_(dJointGroupCreate(0)),
+      found_(2 * kMostOfMesh) {}
 
 void ContactPoints::find() {
   pairs_.clear();
@@ -55,21 +84,19 @@ void ContactPoints::find() {
   });
   std::sort(pairs_.begin(), pairs_.end());
   points_.clear();
-  std::array<dContactGeom, 2 * kMostPoints> found;
   for (const auto& [a, b] : pairs_) {
     const ShapeKind kind_a = slots_[a].shape_kind;
     const ShapeKind kind_b = slots_[b].shape_kind;
     const double skins = skin(kind_a) + skin(kind_b);
-    const int count = collide(slots_[a], slots_[b], found);
+    const int count = collide(slots_[a], slots_[b], found_);
     if (count > 0 && needs_patch(kind_a, kind_b)) {
-      Vec3 normal = from_ode(found[0].normal);
+      Vec3 normal = from_ode(found_[0].normal);
       const auto touching = patch(solid(slots_[a], shapes_), solid(slots_[b], shapes_), normal);
       for (const auto& [point, depth] : touching) points_.push_back({a, b, point, normal, skins - depth});
       if (!touching.empty()) continue;
     }
-    for (int i = 0; i < count; ++i) {
-      points_.push_back({a, b, from_ode(found[i].pos), from_ode(found[i].normal), skins - found[i].depth});
-    }
+    for (const dContactGeom& found : std::span(found_).first(static_cast<std::size_t>(count)))
+      points_.push_back({a, b, from_ode(found.pos), from_ode(found.normal), skins - found.depth});
   }
 }
 

@@ -51,6 +51,7 @@ class ContactPoints {
   double gravity_;
   dJointGroupID joints_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
+  std::vector<dContactGeom> found_;  ///< of one pair, in ODE's format
   std::vector<ContactPoint> points_;
   std::vector<dJointFeedback> feedback_;  ///< of points_
   std::vector<FrictionMemory::At> pair_;  ///< the points of one pair

@@ -55,10 +55,12 @@ class ShapeStore {
   return kind == ShapeKind::plane || kind == ShapeKind::mesh ? 0.0 : kSkin;
 }
 
-/// Upper bound of the contact points of a pair of such shapes: hulls and meshes list every touching vertex.
+/// Points of a mesh that ODE may list: with fewer, it would end at the first of many narrow triangles.
+inline constexpr int kMostOfMesh = 1024;
+/// Upper bound of the contact points that ODE lists for such shapes: hulls and meshes list every touching vertex.
 [[nodiscard]] constexpr int most_points(ShapeKind a, ShapeKind b) noexcept {
-  const auto faceted = [](ShapeKind kind) { return kind == ShapeKind::convex || kind == ShapeKind::mesh; };
-  return faceted(a) || faceted(b) ? 16 : 4;
+  if (a == ShapeKind::mesh || b == ShapeKind::mesh) return kMostOfMesh;
+  return a == ShapeKind::convex || b == ShapeKind::convex ? 16 : 4;
 }
 
 }  // namespace subworld::ode
