@@ -113,6 +113,7 @@ std::unique_ptr<live::Server> serve_viewers(const Options& options, const Scene&
   auto server = std::make_unique<live::Server>(live::ServerConfig{.address = wanted.address,
                                                                   .port = *wanted.port,
                                                                   .token = wanted.token,
+                                                                  .origins = wanted.origins,
                                                                   .name = scene.name,
                                                                   .users = scene.settings.users,
                                                                   .domain = options.network.domain},

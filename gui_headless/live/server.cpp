@@ -29,7 +29,7 @@
 namespace subworld::live {
 namespace {
 
-constexpr std::size_t kMostClients = 32, kMostConnections = 64, kMostSubscriptions = 1024;
+constexpr std::size_t kMostConnections = 64, kMostSubscriptions = 1024;
 constexpr int kSendBufferBytes = 256 << 10;                       // of the kernel, for each client
 constexpr unsigned kHeaderBytes = 8U << 10U, kRequestTime_s = 5;  // at most, of a request
 constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};   // the highest rate of a channel
@@ -106,7 +106,7 @@ struct Server::Parts {
         return 0;
       case LWS_CALLBACK_HTTP:
       case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
-        return session->answer_request(parts.config.token, parts.full());
+        return session->answer_request(parts.config.token, parts.config.origins, parts.viewers());
       case LWS_CALLBACK_ESTABLISHED:
         parts.opened(*session);
         return 0;
@@ -153,10 +153,21 @@ struct Server::Parts {
     setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &kSendBufferBytes, sizeof kSendBufferBytes);
     if (socket < 0)  // as where no file is left to open
       lws_rx_flow_control(listener, 0);
-    else if (sessions.size() >= kMostConnections)
+    else if (!make_place())
       close(socket);
     else
       adopt(socket, static_cast<lws_adoption_type>(LWS_ADOPT_SOCKET | LWS_ADOPT_HTTP));
+  }
+
+  /// For a new connection. The oldest one that has not finished its request leaves, so slow requests lock no viewer
+  /// out.
+  bool make_place() {
+    const auto ended = [](const auto& one) { return one->is_closing(); };
+    if (sessions.size() - std::ranges::count_if(sessions, ended) < kMostConnections) return true;
+    const auto oldest = std::ranges::find_if(sessions, [&](const auto& one) { return !one->is_open() && !ended(one); });
+    if (oldest == sessions.end()) return false;
+    (*oldest)->reset();
+    return true;
   }
 
   void schedule(std::chrono::nanoseconds period) {
@@ -187,9 +198,8 @@ struct Server::Parts {
     schedule(kFarewell);
   }
 
-  [[nodiscard]] bool full() const {
-    return std::ranges::count_if(sessions, [](const auto& one) { return one->is_open(); }) >=
-           static_cast<std::ptrdiff_t>(kMostClients);
+  [[nodiscard]] std::size_t viewers() const {
+    return static_cast<std::size_t>(std::ranges::count_if(sessions, [](const auto& one) { return one->is_open(); }));
   }
 
   void opened(Session& session) {

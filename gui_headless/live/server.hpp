@@ -14,6 +14,7 @@ struct ServerConfig {
   std::string address = "127.0.0.1";  ///< IPv4 or IPv6, own
   int port = 0;                       ///< 0: any free one
   std::string token;                  ///< that clients must give; empty: none
+  std::vector<std::string> origins;   ///< of other sites whose pages may read, as https://example.org
   std::string name;                   ///< of the scene
   int users = 0;
   int domain = 0;  ///< of the run

@@ -6,6 +6,7 @@
 #include <strings.h>
 
 #include <algorithm>
+#include <array>
 #include <span>
 #include <utility>
 #include <vector>
@@ -27,6 +28,12 @@ constexpr std::string_view kPageHeaders =
     "Referrer-Policy: no-referrer\r\n"  // the address may hold the token
     "X-Content-Type-Options: nosniff\r\n";
 constexpr std::chrono::seconds kStuck{10};
+constexpr std::size_t kMostViewers = 32, kMostOtherViewers = 24;  // other than own pages, or clients with the token
+constexpr int kMostHostBytes = 256;
+// Foxglove and Lichtblick as web sites, Lichtblick in a container, and both as desktop programs.
+constexpr std::array<std::string_view, 5> kViewers{"https://app.foxglove.dev", "https://studio.foxglove.dev",
+                                                   "https://lichtblick-suite.github.io", "http://localhost:8080",
+                                                   "file://"};
 
 /// Takes as long for any text of that length.
 bool is_equal(std::string_view a, std::string_view b) {
@@ -54,24 +61,44 @@ std::string token_of(lws* request) {
   return token != nullptr ? token : "";
 }
 
-/// Whether the request comes from no browser, or from a page of this server. A browser names the site of the page. A
-/// name that another site controls may lead to this address, so the host must be an address or localhost.
-bool is_own_page(lws* request) {
-  const std::string from = header_of(request, WSI_TOKEN_ORIGIN), to = header_of(request, WSI_TOKEN_HOST);
-  if (from.empty()) return true;
-  if (from != "http://" + to) return false;
-  const std::string name = to.starts_with('[') ? to.substr(1, to.find(']') - 1) : to.substr(0, to.find(':'));
+/// The first host that a proxy was asked for. The script of a page cannot set a header of a WebSocket.
+std::string forwarded_host(lws* request) {
+  constexpr std::string_view kName = "x-forwarded-host:";
+  std::string text(kMostHostBytes, '\0');
+  text.resize(static_cast<std::size_t>(std::max(
+      0, lws_hdr_custom_copy(request, text.data(), kMostHostBytes, kName.data(), static_cast<int>(kName.size())))));
+  return text.substr(0, text.find(','));
+}
+
+/// An address or localhost: a name that another site controls may lead to this server.
+bool is_safe_host(const std::string& host) {
+  const std::string name = host.starts_with('[') ? host.substr(1, host.find(']') - 1) : host.substr(0, host.find(':'));
   in6_addr address{};
   return name == "localhost" || inet_pton(AF_INET, name.c_str(), &address) == 1 ||
          inet_pton(AF_INET6, name.c_str(), &address) == 1;
+}
+
+/// Of the page that sends a request. A browser names its site; other programs do not.
+enum class Site : std::uint8_t { none, own, allowed, foreign };
+
+Site site_of(lws* request, const std::vector<std::string>& origins) {
+  const std::string from = header_of(request, WSI_TOKEN_ORIGIN), to = header_of(request, WSI_TOKEN_HOST);
+  if (from.empty()) return Site::none;
+  const bool allowed = std::ranges::find(kViewers, from) != kViewers.end() || std::ranges::count(origins, from) > 0;
+  const auto is_page_of = [&](const std::string& host) {
+    return from == "http://" + host || from == "https://" + host;
+  };
+  if (is_page_of(forwarded_host(request)) || (is_page_of(to) && (allowed || is_safe_host(to)))) return Site::own;
+  return allowed ? Site::allowed : Site::foreign;
 }
 
 }  // namespace
 
 /// A connection has one request, also because of a fault in the library: it answers an unknown upgrade itself, and uses
 /// freed memory where another request follows (CVE-2025-11677).
-int Session::answer_request(const std::string& token, bool full) {
-  if (!token.empty() && !is_equal(token_of(connection_), token)) {
+int Session::answer_request(const std::string& token, const std::vector<std::string>& origins, std::size_t viewers) {
+  const bool trusted = !token.empty();
+  if (trusted && !is_equal(token_of(connection_), token)) {
     return refuse("401 Unauthorized",
                   "the token is missing or wrong: give it as ADDRESS:PORT/?token=TOKEN or in the header "
                   "\"Authorization: Bearer TOKEN\"");
@@ -83,8 +110,15 @@ int Session::answer_request(const std::string& token, bool full) {
     return refuse("400 Bad Request",
                   fmt::format("offer the WebSocket subprotocol {} or {}", kProtocols[0], kProtocols[1]));
   }
-  if (full) return refuse("503 Service Unavailable", "too many viewers are connected");
-  may_publish_ = !token.empty() || is_own_page(connection_);
+  const Site site = site_of(connection_, origins);
+  if (!trusted && site == Site::foreign) {
+    return refuse("403 Forbidden",
+                  "a page of another site may not read this run: start the display with --origin SITE, as "
+                  "https://example.org, or with a token, and give it");
+  }
+  if (viewers >= (trusted || site == Site::own ? kMostViewers : kMostOtherViewers))
+    return refuse("503 Service Unavailable", "too many viewers are connected");
+  may_publish_ = trusted || site == Site::own || site == Site::none;
   return 0;
 }
 

@@ -4,12 +4,14 @@
 #include "protocol.hpp"
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 struct lws;
 
@@ -25,7 +27,9 @@ class Session {
 
   // Events of the connection. Less than 0 ends it.
   /// Sends the page or a refusal, or lets the library go on to WebSocket. `token`: empty where none is needed.
-  [[nodiscard]] int answer_request(const std::string& token, bool full);
+  /// `origins`: of other sites whose pages may read. `viewers`: how many are connected.
+  [[nodiscard]] int answer_request(const std::string& token, const std::vector<std::string>& origins,
+                                   std::size_t viewers);
   /// The client speaks the protocol now.
   void open() noexcept { open_ = true; }
   [[nodiscard]] int read(const void* bytes, std::size_t size, const std::function<void(const Request&)>& requested);
@@ -39,11 +43,15 @@ class Session {
   void forget(std::uint32_t subscription) { outbox_.forget(subscription); }
   /// Once in a while: tells the client of dropped samples, and ends a connection whose client does not read.
   void inspect(Clock::time_point now);
+  /// Drops the connection at the next event. What the client has not taken is dropped too, which frees its memory in
+  /// the kernel.
+  void reset() noexcept;
   /// The run has ended. Closes the connection once all that waits is sent.
   void close();
 
   [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
   [[nodiscard]] bool is_open() const noexcept { return open_; }
+  [[nodiscard]] bool is_closing() const noexcept { return closing_; }
 
   /// Whether this client may give orders and hold tools: not the page of another site, which the user's browser happens
   /// to show.
@@ -58,9 +66,6 @@ class Session {
   int respond(std::string_view status, std::string_view headers, std::string_view body);
   /// write() is called when the client takes more.
   void await_write();
-  /// Ends the connection at the next event. What the client has not taken is dropped, which frees its memory in the
-  /// kernel.
-  void reset() noexcept;
 
   lws* const connection_;
   const std::uint32_t number_;

@@ -195,6 +195,18 @@ TEST_F(LiveVerdict, OfARunThatIsStoppedAndRecorded) {
   EXPECT_EQ(summary()["recording"]["messages_lost"], 0);
 }
 
+TEST_F(Live, IsReadByNoPageOfAnotherSite) {
+  begin({"--origin", "https://given.example"});
+  view("origins");
+  end();
+}
+
+TEST_F(Live, ServesViewersBesideUnfinishedRequests) {
+  begin();
+  view("slow_requests");
+  end();
+}
+
 TEST_F(Live, NeedsTheToken) {
   const std::string token = "row-0123456789";
   begin({"--listen", "127.0.0.2"}, {{"SUBWORLD_TOKEN", token}});
@@ -239,6 +251,7 @@ TEST_F(Live, OtherHostsNeedAToken) {
   refused({"--live", "8765", "--listen", "0.0.0.0"}, "need a token");
   refused({"--live", "8765", "--listen", "here"}, "IP address");
   refused({"--live", "8765", "--token", "short"}, "12 characters");
+  refused({"--live", "8765", "--origin", "https://example.org/page"}, "without a path");
 }
 
 }  // namespace

@@ -26,6 +26,13 @@ std::string token_fault(const std::string& token) {
   return fmt::format("a token has at least {} characters: letters, digits, and -._~", kLeast);
 }
 
+/// As a browser names a site.
+std::string origin_fault(const std::string& origin) {
+  const std::size_t host = origin.find("://");
+  if (host != std::string::npos && origin.find_first_of("/ *", host + 3) == std::string::npos) return {};
+  return "the origin of a web site is needed, as https://example.org or http://localhost:8081, without a path";
+}
+
 bool is_loopback(const std::string& address) { return address.starts_with("127.") || address == "::1"; }
 
 }  // namespace
@@ -38,6 +45,9 @@ void add_live_options(CommandLine& line, LiveOptions& live, const std::string& w
   line.add("--token", &live.token, "with --live: a text of at least 12 characters that viewers must give")
       .check(token_fault)
       .environment(kTokenVariable);
+  line.add("--origin", &live.origins, "with --live: origins of other web sites whose pages may read the run")
+      .check(origin_fault)
+      .otherwise("those of Lichtblick and Foxglove");
 }
 
 void check_live_options(const LiveOptions& live) {
@@ -49,7 +59,9 @@ void check_live_options(const LiveOptions& live) {
 
 std::vector<std::string> live_flags_of(const LiveOptions& live) {
   if (!live.port) return {};
-  return {"--live", std::to_string(*live.port), "--listen", live.address};
+  std::vector<std::string> words{"--live", std::to_string(*live.port), "--listen", live.address};
+  for (const std::string& origin : live.origins) words.insert(words.end(), {"--origin", origin});
+  return words;
 }
 
 }  // namespace subworld

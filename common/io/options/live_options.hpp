@@ -13,9 +13,10 @@ struct LiveOptions {
   std::optional<int> port;            ///< none: it does not; 0: any free one
   std::string address = "127.0.0.1";  ///< to listen on
   std::string token;                  ///< that viewers must give; empty: none
+  std::vector<std::string> origins;   ///< of other sites whose pages may read
 };
 
-/// Adds --live, --listen and --token. `what` is what the port does.
+/// Adds --live, --listen, --token and --origin. `what` is what the port does.
 void add_live_options(CommandLine& line, LiveOptions& live, const std::string& what);
 /// Throws `Error` (usage) where other machines could connect without a token.
 void check_live_options(const LiveOptions& live);

@@ -1,6 +1,7 @@
 """A viewer for tests: live_client.py CASE ADDRESS [PROTOCOL]. Ends with 0 if the server behaves as it should."""
 import asyncio
 import base64
+import contextlib
 import errno
 import json
 import os
@@ -247,6 +248,45 @@ async def stalled(address):
         assert False, "not disconnected"
     assert last and time.monotonic() - begin > 5
     await viewer.socket.close()
+
+
+def answer_of(address, origin="", host="here", more=""):
+    """The HTTP status of a page of that origin, and its connection if it may read."""
+    request = upgrade(more=(f"Origin: {origin}\r\n" if origin else "") + more).replace(b": here", f": {host}".encode())
+    connection = socket.create_connection(place(address), LIMIT_S)
+    connection.sendall(request)
+    return int(connection.recv(65536).split()[1]), connection
+
+
+async def origins(address):
+    """A page of another site reads nothing, unless `--origin` has it. Own pages have places that others cannot take."""
+    own = address.removeprefix("ws://")
+    for status, origin, host, more in (
+            (403, "http://elsewhere.example", own, ""), (403, "null", own, ""), (403, "http://127.0.0.1:1", own, ""),
+            (403, "http://elsewhere.example", "elsewhere.example", ""),  # its name leads to this address
+            (403, "https://elsewhere.example", own, "X-Forwarded-Host: lab.example\r\n"),
+            (101, "", own, ""), (101, f"http://{own}", own, ""), (101, "https://app.foxglove.dev", own, ""),
+            (101, "file://", own, ""), (101, "https://given.example", own, ""),
+            (101, "https://lab.example", own, "X-Forwarded-Host: lab.example, inner\r\n")):
+        answer, connection = answer_of(address, origin, host, more)
+        assert answer == status, (answer, origin, host, more)
+        connection.close()
+    await asyncio.sleep(0.5)
+    connections = [answer_of(address, "https://given.example") for _ in range(32)]
+    assert {status for status, _ in connections} == {101, 503}, [status for status, _ in connections]
+    assert answer_of(address, f"http://{own}", own)[0] == 101, "others have all places"
+
+
+async def slow_requests(address):
+    """Clients that do not finish their requests lock no viewer out."""
+    unfinished = [socket.create_connection(place(address), LIMIT_S) for _ in range(200)]
+    for connection in unfinished:
+        with contextlib.suppress(ConnectionError):  # the server has ended it for a newer one
+            connection.sendall(b"GET / HTTP/1.1\r\nHost: here\r\n")
+    for _ in range(20):
+        await (await Viewer.open(address)).socket.close()
+    for connection in unfinished:
+        connection.close()
 
 
 async def token(address):

@@ -85,7 +85,7 @@ async def nonsense(address):
         page.viewer.statuses.clear()
         await page.viewer.send(op="advertise", channels=[{"id": 9, "topic": topic, "encoding": encoding}])
         assert "/user_N/tool" in await refusal_of(page.viewer), topic
-    foreign = Viewer(await websockets.connect(address, subprotocols=PROTOCOLS, origin="http://elsewhere.example"))
+    foreign = Viewer(await websockets.connect(address, subprotocols=PROTOCOLS, origin="https://app.foxglove.dev"))
     await foreign.socket.recv()
     await foreign.socket.recv()
     await foreign.send(op="advertise", channels=[{"id": 1, "topic": "/user_0/tool", "encoding": "cdr"}])
