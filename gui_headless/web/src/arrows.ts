@@ -5,6 +5,7 @@ import { length, SHAPES, type Model, type Turn, type Vector } from "./model";
 import { userColour } from "./theme";
 
 const MOST = 1024;
+const IN_VIEW = 0.9; // of the distance from the middle of the picture to its edge
 const UP = new THREE.Vector3(0, 1, 0);
 
 /** The largest of 1, 2, 5 times a power of ten that is not above `value`. */
@@ -86,8 +87,34 @@ class ArrowSet {
   }
 }
 
+/** How much of the way from a point stays in the picture, with a margin; 1 where the point itself is outside. */
+function shareInView(from: THREE.Vector3, way: THREE.Vector3, camera: THREE.Camera): number {
+  const toPicture = new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+  const begin = new THREE.Vector4(from.x, from.y, from.z, 1).applyMatrix4(toPicture);
+  const along = new THREE.Vector4(way.x, way.y, way.z, 0).applyMatrix4(toPicture);
+  let share = 1;
+  for (const [axis, side] of [["x", 1], ["x", -1], ["y", 1], ["y", -1]] as const) {
+    const room = IN_VIEW * begin.w - side * begin[axis], closing = side * along[axis] - IN_VIEW * along.w;
+    if (room < 0) return 1;
+    if (closing > 0) share = Math.min(share, room / closing);
+  }
+  return share;
+}
+
+/** A text at a place of the picture, both axes from -1 to 1. */
+function valueAt(place: THREE.Vector3, text: string): HTMLElement {
+  const value = document.createElement("span");
+  value.className = "floating value-of-arrow";
+  value.style.left = `clamp(32px, ${50 * (1 + place.x)}%, 100% - 32px)`;
+  value.style.top = `${50 * (1 - place.y)}%`;
+  value.textContent = text;
+  return value;
+}
+
 export class Arrows {
   readonly root = new THREE.Group();
+  /** Above the picture: values of arrows that are longer than the view. */
+  readonly values = document.createElement("div");
   readonly forceScale = new Scale();
   readonly impulseScale = new Scale();
   showForces = true;
@@ -108,20 +135,26 @@ export class Arrows {
     this.ghosts = [];
   }
 
-  place(model: Model, bodies: Bodies, bodyRadius: number): void {
-    this.placeForces(model, bodies, bodyRadius);
+  place(model: Model, bodies: Bodies, bodyRadius: number, camera: THREE.Camera): void {
+    this.placeForces(model, bodies, bodyRadius, camera);
     this.placeImpulses(model, bodies, bodyRadius);
     model.users.forEach((user, i) => this.placeDevice(model, bodies, i, user.user, user.proxy));
   }
 
-  private placeForces(model: Model, bodies: Bodies, radius: number): void {
+  /** The force on each operator, at the proxy. An arrow that would leave the view ends at its edge, with its value. */
+  private placeForces(model: Model, bodies: Bodies, radius: number, camera: THREE.Camera): void {
     this.forces.begin();
-    this.forceScale.take(model.users.map((one) => length(one.wrench.force)), 3.2 * radius);
-    const at = new THREE.Vector3();
-    if (this.showForces)
-      for (const user of model.users)
-        this.forces.add(bodies.position(user.proxy, at), user.wrench.force, this.forceScale.perUnit, 0.11 * radius,
-          new THREE.Color(userColour(user.user)));
+    this.forceScale.take([...model.forces.values()].map(length), 3.2 * radius);
+    const at = new THREE.Vector3(), values: HTMLElement[] = [];
+    for (const user of this.showForces ? model.users : []) {
+      const force = model.forces.get(user.user);
+      if (!force) continue;
+      const scale = this.forceScale.perUnit, way = new THREE.Vector3(force.x, force.y, force.z).multiplyScalar(scale);
+      const share = shareInView(bodies.position(user.proxy, at), way, camera);
+      this.forces.add(at, force, share * scale, 0.11 * radius, new THREE.Color(userColour(user.user)));
+      if (share < 1) values.push(valueAt(at.addScaledVector(way, share).project(camera), `${length(force).toFixed(1)} N`));
+    }
+    this.values.replaceChildren(...values);
     this.forces.end();
   }
 

@@ -22,11 +22,12 @@ let link: Link = "connecting";
 let linkDetail = "";
 let fits = 0;
 
-const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`, {
+const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${location.pathname}${location.search}`, {
   started() {
     model.programs.clear();
     model.places.clear();
     model.devices.clear();
+    model.forces.clear();
     model.users = [];
     model.verdict = undefined;
     plots.clear();
@@ -101,7 +102,8 @@ function subscribe(): void {
     wanted.push(...touch.topics());
     wanted.push("/world_view");
     const kinds = [
-      ...(view.arrows.showDevices ? ["device_state", "device_command"] : []),
+      ...(view.arrows.showDevices ? ["device_state"] : []),
+      ...(view.arrows.showDevices || view.arrows.showForces || plots.isOpen("force") ? ["device_command"] : []),
       ...(plots.isOpen("steps") || plots.isOpen("energy") ? ["haptic_report"] : []),
     ];
     for (let user = 0; user < model.userCount; ++user) wanted.push(...kinds.map((kind) => `/user_${user}/${kind}`));
@@ -200,7 +202,8 @@ function showCard(): void {
     ["friction", String(Number(body.friction.toPrecision(3)))],
     ["restitution", String(Number(body.restitution.toPrecision(3)))],
   ];
-  if (user?.proxy === id) facts.push(["force", `${length(user.wrench.force).toFixed(2)} N`]);
+  const force = user?.proxy === id ? model.forces.get(user.user) : undefined;
+  if (force) facts.push(["force on the operator", `${length(force).toFixed(2)} N`]);
   const title = document.createElement("h2"), kind = document.createElement("p"), list = document.createElement("dl");
   title.textContent = body.name || `body ${id}`;
   kind.className = "kind";
@@ -229,7 +232,7 @@ setInterval(() => {
   const factor = model.realTimeFactor;
   element("factor").textContent = model.snapshots ? (factor < 0.995 ? `${factor.toFixed(2)} × real time` : "real time") : "";
   if (element<HTMLDetailsElement>("topology").open) programs.show(model, now, view.pace.number > 1);
-  element("forceScale").textContent = scaleText("Force", "N", view.arrows.forceScale.perUnit, 2 * view.ground.step_m);
+  element("forceScale").textContent = scaleText("Operator's force", "N", view.arrows.forceScale.perUnit, 2 * view.ground.step_m);
   element("impulseScale").textContent = scaleText("Border impulses", "N s", view.arrows.impulseScale.perUnit, 2 * view.ground.step_m);
   showCard();
   if (now - traffic.at > 1900) {

@@ -142,8 +142,8 @@ export class Plots {
   }
 
   snapshot(model: Model): void {
-    this.force.push(model.time_s, new Map(model.users.map((user) =>
-      point(length(user.wrench.force), `user ${user.user}`, userColour(user.user)))));
+    this.force.push(model.time_s, new Map([...model.forces].sort(([a], [b]) => a - b).map(([user, force]) =>
+      point(length(force), `user ${user}`, userColour(user)))));
     const reports = [...this.reports.values()];
     if (!reports.length) return;
     this.steps.push(model.time_s, new Map(reports.flatMap((one) => [

@@ -58,7 +58,7 @@ export class ToolBar {
     this.device.setAttribute("role", "status");
     this.note = make("p", this.root, "note");
     this.note.setAttribute("role", "status");
-    stage.append(this.root);
+    stage.after(this.root);
     view.add(this.spring.root);
     view.drawn = () => this.draw();
     const deflections = new Deflections(touch, view, () => [...this.pad.read(), ...this.spaceMouse.read()]);
@@ -93,6 +93,7 @@ export class ToolBar {
     this.meter.hidden = user < 0;
     this.note.hidden = user < 0;
     this.note.textContent = user < 0 ? ""
+      : matchMedia("(pointer: coarse)").matches ? "Drag with one finger. Two fingers turn the camera."
       : "Drag in the view. Wheel or Shift: away and near. Arrows, Page Up, Page Down. Right drag turns the camera. Esc releases.";
     if (user < 0) {
       this.sound.play(0);

@@ -58,6 +58,7 @@ export class View {
     this.controls.maxPolarAngle = 0.495 * Math.PI;
     this.controls.addEventListener("change", () => this.touch());
     this.controls.addEventListener("start", () => (this.moved = true));
+    canvas.after(this.arrows.values);
     this.applyTier();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
     this.listen();
@@ -286,7 +287,7 @@ export class View {
     this.dirty = false;
     this.bodies.place(this.model, now, this.camera.position);
     this.follow();
-    this.arrows.place(this.model, this.bodies, this.bodyRadius);
+    this.arrows.place(this.model, this.bodies, this.bodyRadius, this.camera);
     this.shadow.stale ||= this.bodies.placed > 0;
     if (this.shadow.stale && ++this.shadow.age >= this.pace.tier.every) {
       this.renderer.shadowMap.needsUpdate = true;

@@ -106,6 +106,13 @@ TEST_F(Touch, ByAMouseInABrowserHasTheForceOfTheSameMotion) {
   EXPECT_LT(std::sqrt(difference / square), 0.05);
 }
 
+// On a phone, below a sub-path of a proxy: nothing is covered, and the force that is shown is the operator's.
+TEST_F(Touch, OnAPhoneBehindAProxyShowsTheOperatorsForce) {
+  const Ended touched = touch("phone_client.py");
+  if (touched.code == kNotShown) FAIL() << touched.out;
+  EXPECT_EQ(touched.code, 0) << touched.err;
+}
+
 // The device follows a SpaceMouse that the browser has, and never jumps, also where it is unplugged while it is
 // deflected.
 TEST_F(Touch, ByASpaceMouseMovesAndTurnsTheTool) {
