@@ -22,6 +22,9 @@ class DeviceGuard {
   [[nodiscard]] DeviceCommand pass(const DeviceCommand& received, const DeviceState& now, bool trusted,
                                    double dt) noexcept;
 
+  /// The force changes by little from step to step for a moment: another program forges commands.
+  void soften() noexcept { force_.soften(); }
+
   [[nodiscard]] const OperatorPort& port() const noexcept { return port_; }
   [[nodiscard]] const OscillationWatch& oscillation() const noexcept { return oscillation_; }
   /// Share of the steps in which the energy was bounded.

@@ -75,7 +75,9 @@ int main(int argc, char** argv) {
         part.dds = ports.bus->effective_settings();
         part.events = ports.status.events_of_run();
         if (driven != nullptr) part.driver = driven->result();
-        part.refused = {.device_command = ports.commands.refused(), .by = ports.commands.foreign_programs()};
+        part.refused = {.device_command = ports.commands.refused(),
+                        .forged_command = measures.forged_commands(),
+                        .by = ports.commands.foreign_programs()};
         if (ending.fault.empty()) ending.fault = measures.fault();
         conclude(options.out.empty() ? "" : fmt::format("{}/device_{}.json", options.out, options.user), part, ending);
         device.reset();  // zero force, whatever the end of this process

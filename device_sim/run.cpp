@@ -1,6 +1,7 @@
 #include "device_sim/run.hpp"
 
 #include "coupling/messages/deadband.hpp"
+#include "device_sim/command_check.hpp"
 #include "model/error.hpp"
 #include "program/join.hpp"
 #include "program/peer_watch.hpp"
@@ -238,6 +239,10 @@ class RealtimeLoop : DeviceRun {
         if (came_.served != 0) haptic_.serves_another(now);
         continue;
       }
+      if (!check_.possible(came_)) {
+        drop_forged();
+        continue;
+      }
       if (came_.served == ports.identity) ports.commands.trust_sender();
       if (!running() && came_.stamp_s > kAbsent_s) resume(came_.stamp_s);
       command_ = came_;
@@ -245,6 +250,15 @@ class RealtimeLoop : DeviceRun {
         measures.round_trip(1e-9 * static_cast<double>(to_ns(now) - command_.echoed_sent_ns));
       haptic_.heard(now);
     }
+  }
+
+  void drop_forged() {
+    guard.soften();
+    if (measures.forged_command() > 1) return;
+    ports.status.note(
+        fmt::format("device_sim {}: dropped a device_command that haptic_sim {} did not send: another program on this "
+                    "network forges its packets; from now on only counted",
+                    options.user, options.user));
   }
 
   /// This program takes the place of one that has died.
@@ -286,7 +300,8 @@ class RealtimeLoop : DeviceRun {
     stages_.mark(DeviceStage::advance);
     const DeviceState& state = device.state();
     // Until the haptic loop runs, each sample may be the one that it finds.
-    if (device.present() && (deadband_.sends(state, felt_, period_s_) || !running())) send_state(begin, state);
+    if (device.present() && (deadband_.sends(state, felt_, period_s_) || !running()) && send_state(begin, state))
+      check_.sent(state.sequence, to_ns(begin));
     const TimePoint end = stages_.mark(DeviceStage::send);
     const Miss miss = loop_.judge(end, loop_.deadline());
     // Steps before the haptic loop runs do not count.
@@ -308,6 +323,7 @@ class RealtimeLoop : DeviceRun {
   double absent_s_;  ///< age of the newest command from which the haptic process is absent
   bool absent_ = false;
   PeerWatch haptic_;
+  CommandCheck check_;
   DeviceCommand command_, came_;
   Wrench felt_;
 };

@@ -40,6 +40,9 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
   void end_step() noexcept { LoopMeasures::end_step({}, {{Trace::Name::missed_deadline, newest_.miss != Miss::none}}); }
   /// This program takes the place of one that has died.
   void joins_late() noexcept { history_.append(); }
+  /// A command that the haptic process cannot have sent was dropped. Returns the number of them.
+  std::uint64_t forged_command() noexcept { return ++forged_commands_; }
+  [[nodiscard]] std::uint64_t forged_commands() const noexcept { return forged_commands_; }
   void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   /// Share of the states that were sent.
   void sent(double ratio) noexcept { sent_ratio_ = ratio; }
@@ -52,6 +55,7 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
   int user_;
   Histogram round_trip_;
   double sent_ratio_ = 1.0;
+  std::uint64_t forged_commands_ = 0;
 };
 
 /// Everything that a run of a device process consists of.

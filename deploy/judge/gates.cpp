@@ -88,6 +88,11 @@ Readings foreign_writers(const RunResults& run) {
     add(at.name(), "world_frame", "world_sim", haptic.world_frame, haptic.by);
     add(at.name(), "device_state", "device_sim", haptic.device_state, haptic.by);
     add(at.name(), "device_command", "haptic_sim", at.device().refused.device_command, at.device().refused.by);
+    all.push_back(reading(at.name() + "device_command that haptic_sim did not send", kCount,
+                          at.device().refused.forged_command, 0.0,
+                          {Culprit::foreign_writer,
+                           "another program sent packets in its name, and they were dropped; find it, or separate this "
+                           "network: DDS does not authenticate programs"}));
   }
   return all;
 }

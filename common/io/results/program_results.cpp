@@ -27,7 +27,7 @@ SUBWORLD_JSON(HapticResult, user, steps, skipped_steps, missed_deadlines, missed
               contacts, border_pairs, sync_s, round_trip_s, bytes_per_cycle, sent_ratio, operator_energy, device_work_j,
               oscillation_n, device_jumps, late_reports_ratio, lost_frames, refused_frames, resynchronisations,
               engine_changes, history_rows_dropped, trace_events_dropped, dds, events, refused, ending, host)
-SUBWORLD_JSON(DeviceRefused, device_command, by)
+SUBWORLD_JSON(DeviceRefused, device_command, forged_command, by)
 SUBWORLD_JSON(DriverResult, name, version, readings, refused, refused_for, absences, absent_s, longest_gap_s)
 SUBWORLD_JSON(DeviceResult, user, steps, round_trip_s, sent_ratio, missed_deadlines, missed_by_os, missed_by_run,
               step_s, operator_energy, energy_bounded_ratio, oscillation_n, woken_late_s, machine, stages,

@@ -148,6 +148,7 @@ SUBWORLD_HAS_JSON(HapticResult)
 
 struct DeviceRefused {
   std::uint64_t device_command = 0;
+  std::uint64_t forged_command = 0;  ///< in the name of the haptic process
   std::string by;
 };
 SUBWORLD_HAS_JSON(DeviceRefused)

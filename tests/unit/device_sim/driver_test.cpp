@@ -1,3 +1,4 @@
+#include "device_sim/command_check.hpp"
 #include "device_sim/driven_device.hpp"
 #include "device_sim/driver_check.hpp"
 #include "device_sim/drivers.hpp"
@@ -25,6 +26,28 @@ namespace {
 const DriverPlugin& faulty() {
   setenv("SUBWORLD_DEVICES", TEST_DEVICES_FOLDER, 1);
   return driver_plugin("faulty");
+}
+
+TEST(CommandCheck, AcceptsWhatAnswersAStateOfThisDeviceAndNothingElse) {
+  CommandCheck check;
+  const auto possible = [&](std::uint64_t sequence, std::int64_t echoed_ns) {
+    DeviceCommand command;
+    command.sequence = sequence;
+    command.echoed_sent_ns = echoed_ns;
+    return check.possible(command);
+  };
+  for (std::uint64_t n = 1; n <= 5000; ++n) check.sent(n, static_cast<std::int64_t>(1000 * n));
+  EXPECT_TRUE(possible(4990, 4'990'000));
+  EXPECT_TRUE(possible(4990, 4'990'000)) << "the haptic step is shorter than the device's period";
+  EXPECT_TRUE(possible(4991, 0)) << "of an extrapolated state";
+  EXPECT_FALSE(possible(4990, 4'990'000)) << "the sequence goes back";
+  EXPECT_FALSE(possible(4992, 4'992'001)) << "no state was sent at that time";
+  EXPECT_FALSE(possible(5001, 0)) << "that state is yet to come";
+  EXPECT_FALSE(possible(4992, 4'993'000)) << "of another state";
+  EXPECT_TRUE(possible(4992, 4'992'000)) << "the haptic process goes on";
+  check.sent(5000, 5'000'500);  // the same reading again
+  EXPECT_TRUE(possible(5000, 5'000'000));
+  EXPECT_TRUE(possible(5000, 5'000'500));
 }
 
 /// Names of the properties that a driver lacks.
