@@ -34,7 +34,8 @@ async def proxy(address, listener):
             assert PATH + b"/" in head.split(b"\r\n")[0], head
             head = head.replace(PATH, b"", 1).replace(b"Host: " + asked, f"Host: {host}:{port}".encode(), 1)
             inner.write(head[:-2] + b"X-Forwarded-Host: " + asked + b"\r\n\r\n")
-            await asyncio.gather(copy(reader, inner), copy(inner_reader, writer))
+            asyncio.ensure_future(copy(reader, inner))
+            await copy(inner_reader, writer)
         writer.close()
 
     await (await asyncio.start_server(serve, sock=listener)).serve_forever()
