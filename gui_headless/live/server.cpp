@@ -106,7 +106,9 @@ struct Server::Parts {
         return 0;
       case LWS_CALLBACK_HTTP:
       case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
-        return session->answer_request(parts.config.token, parts.config.origins, parts.viewers());
+        return session->answer_request(
+            parts.config.token, parts.config.origins,
+            std::ranges::count_if(parts.sessions, [](const auto& one) { return one->is_open(); }));
       case LWS_CALLBACK_ESTABLISHED:
         parts.opened(*session);
         return 0;
@@ -159,8 +161,7 @@ struct Server::Parts {
       adopt(socket, static_cast<lws_adoption_type>(LWS_ADOPT_SOCKET | LWS_ADOPT_HTTP));
   }
 
-  /// For a new connection. The oldest one that has not finished its request leaves, so slow requests lock no viewer
-  /// out.
+  /// For a new connection: the oldest one that has not finished its request leaves.
   bool make_place() {
     const auto ended = [](const auto& one) { return one->is_closing(); };
     if (sessions.size() - std::ranges::count_if(sessions, ended) < kMostConnections) return true;
@@ -196,10 +197,6 @@ struct Server::Parts {
     lws_set_timeout(listener, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
     for (const auto& session : sessions) session->close();
     schedule(kFarewell);
-  }
-
-  [[nodiscard]] std::size_t viewers() const {
-    return static_cast<std::size_t>(std::ranges::count_if(sessions, [](const auto& one) { return one->is_open(); }));
   }
 
   void opened(Session& session) {
