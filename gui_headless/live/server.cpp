@@ -36,7 +36,6 @@ constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};   // the highest
 constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{500};
 
 constexpr std::string_view kOrderTopic = "/control";
-
 }  // namespace
 
 struct Server::Parts {
