@@ -34,7 +34,7 @@ void add_options(CommandLine& line, ReplayRequest& request) {
       "  subworld replay run.mcap --page --speed 0.5\n"
       "  subworld replay run.mcap --publish --paused --domain 100\n"
       "Without an option it prints what the file holds.\n"
-      "Exit codes: 0 done, 1 the state hashes differ, 2 usage or no finished recording.");
+      "Exit codes: 0 done, 1 the state hashes differ, 2 usage or no recording.");
 }
 
 int main_of(int argc, char** argv) {

@@ -81,7 +81,10 @@ class PartMessages {
     at_ = std::min(at_, chunk_.messages.size());
   }
   /// What its recorder counted.
-  [[nodiscard]] Json figures() { return parse_json(reader_.attachments().at(kPartAttachment)); }
+  [[nodiscard]] Json figures() {
+    if (!reader_.lacks().empty()) throw Error(ExitCode::failed, reader_.lacks());
+    return parse_json(reader_.attachments().at(kPartAttachment));
+  }
 
  private:
   mcap::Reader reader_;
@@ -101,7 +104,7 @@ RecordingResult merge(const std::vector<RecordingPart>& parts, RecordingFile& fi
       sum.sent += figures.at("messages_sent").get<std::uint64_t>();
       sum.cpu_s += figures.at("cpu_s").get<double>();
     } catch (const std::exception& fault) {
-      sum.fault = fmt::format("no messages of host {}: {}", part.host, fault.what());
+      sum.fault = fmt::format("not all messages of host {}: {}", part.host, fault.what());
     }
   }
   for (;;) {
@@ -172,8 +175,13 @@ RecordingFile::RecordingFile(const std::string& path, const RecordedRun& run) : 
     if (stays_inside(mesh.file) && files.insert(mesh.file).second)
       writer_.attach(mesh.file, "application/octet-stream", text_of(folder / mesh.file), attached_at());
   }
-  const Json settings{{"scene_file", run.scene.file}, {"flags", run.flags}, {"dds", run.dds}};
+  const auto here = std::filesystem::absolute(path).parent_path();
+  const Json settings{{"scene_file", run.scene.file},
+                      {"flags", run.flags},
+                      {"dds", run.dds},
+                      {"results", std::filesystem::proximate(run.out, here).string()}};
   writer_.attach(kSettingsAttachment, "application/json", json_text(settings, 2), attached_at());
+  if (!run.begun.empty()) writer_.attach(kBegunAttachment, "application/json", run.begun, attached_at());
 }
 
 void RecordingFile::write(const std::string& topic, std::uint32_t number, std::int64_t time_ns,

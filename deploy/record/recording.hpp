@@ -36,7 +36,9 @@ struct RecordedRun {
   const Scene& scene;
   std::vector<std::string> flags;  ///< those that all programs share
   std::string dds;
-  bool display = false;  ///< there is one
+  bool display = false;    ///< there is one
+  std::string begun = {};  ///< the summary as far as it is known at the start: a killed run may have no other
+  std::string out = {};    ///< folder of its results
 };
 
 /// A file in the format MCAP: messages of a run, scene and settings.
@@ -118,5 +120,6 @@ class Recording {
 inline constexpr const char* kSceneAttachment = "scene.yaml";
 inline constexpr const char* kSettingsAttachment = "settings.json";
 inline constexpr const char* kSummaryAttachment = "summary.json";
+inline constexpr const char* kBegunAttachment = "begun.json";
 
 }  // namespace subworld

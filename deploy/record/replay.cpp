@@ -45,15 +45,28 @@ struct Recorded {
   [[nodiscard]] bool repeats() const { return summary.value("mode", std::string()) == "lockstep"; }
 };
 
+/// Without a summary in the file, that of the run's folder, which the keeper of a killed run writes, or what was known
+/// at the start.
 Recorded read_recorded(const std::string& file, const Attachments& attachments) {
   const auto json_of = [&](const char* name) {
     const auto at = attachments.find(name);
-    const Json json = at == attachments.end() ? Json() : parse_json(at->second);
-    if (json.is_object()) return json;
-    throw Error(ExitCode::usage,
-                fmt::format("{}: has no attachment {}; name a file of `subworld run --record`", file, name));
+    return at == attachments.end() ? Json() : parse_json(at->second);
   };
-  return {json_of(kSettingsAttachment), json_of(kSummaryAttachment)};
+  Recorded recorded{json_of(kSettingsAttachment), json_of(kSummaryAttachment)};
+  if (!recorded.settings.is_object()) {
+    throw Error(ExitCode::usage, fmt::format("{}: has no attachment {}; name a file of `subworld run --record`", file,
+                                             kSettingsAttachment));
+  }
+  if (recorded.summary.is_object()) return recorded;
+  recorded.summary = json_of(kBegunAttachment);
+  if (!recorded.summary.is_object()) recorded.summary = Json::object();
+  const auto other = std::filesystem::absolute(file).parent_path() / recorded.settings.value("results", std::string()) /
+                     kSummaryAttachment;
+  std::error_code none;
+  const Json written = std::filesystem::exists(other, none) ? read_json(other) : Json();
+  if (written.is_object() && written.value("date", Json()) == recorded.summary.value("date", Json()))
+    recorded.summary = written;
+  return recorded;
 }
 
 void write_file(const std::filesystem::path& path, const std::string& contents) {
@@ -177,6 +190,10 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
                                              "recording of `subworld run --mode lockstep`",
                                              request.file));
   }
+  if (recorded.hash().empty()) {
+    throw Error(ExitCode::usage,
+                fmt::format("{}: holds no state hash to compare with; --page shows what it holds", request.file));
+  }
   const std::string folder = folder_of(request), scene = extract_scene(folder, attachments);
   std::vector<std::string> words{program_folder() + "/subworld", "run", scene};
   for (const std::string& flag : flags_of_run(recorded.settings)) words.push_back(flag);
@@ -222,7 +239,10 @@ int replay(const ReplayRequest& request) {
     const Json& counts = recorded.summary["recording"];
     fmt::print("  messages lost: {} of {}\n", counts.value("messages_lost", 0), counts.value("messages_sent", 0));
   }
-  fmt::print("  state hash {}\n  verdict: {}\n", recorded.hash(), recorded.summary.value("verdict", std::string()));
+  if (!reader.lacks().empty()) fmt::print("  {}\n", reader.lacks());
+  const auto or_none = [](const std::string& text) { return text.empty() ? "none" : text; };
+  fmt::print("  state hash {}\n  verdict: {}\n", or_none(recorded.hash()),
+             or_none(recorded.summary.value("verdict", std::string())));
   if (request.publish || request.page || request.live.port) return publish(request, reader, attachments, recorded);
   return request.resimulate ? resimulate(request, attachments, recorded) : static_cast<int>(ExitCode::done);
 }

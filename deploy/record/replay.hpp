@@ -26,8 +26,7 @@ struct ReplayRequest {
 };
 
 /// Prints what a recording holds; on request publishes it, or runs it again. Returns the exit code: failed where the
-/// hashes differ. Throws `Error` (usage) for a file that is no finished recording, or one of a run that does not
-/// repeat.
+/// hashes differ. Throws `Error` (usage) for a file that is no recording, or one of a run that does not repeat.
 int replay(const ReplayRequest& request);
 
 }  // namespace subworld

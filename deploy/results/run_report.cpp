@@ -259,6 +259,10 @@ ReportPlace place_of(const ReportRequest& request) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) {
     const bool ran = std::ranges::any_of(kPartsOfARun, [&](const char* part) { return fs::exists(folder / part); });
+    FileLock lock;
+    if (ran && !lock.take_folder(folder))
+      throw Error(ExitCode::usage,
+                  fmt::format("{}: a run still writes its results there; wait for its end", folder.string()));
     throw Error(ExitCode::usage,
                 fmt::format("{}: has no summary.json{}", folder.string(),
                             ran ? "; `subworld collect` makes one of what programs of a run wrote"

@@ -129,7 +129,7 @@ class Run {
   }
 
   [[nodiscard]] RecordedRun recorded() const {
-    return {run_.scene, settings_flags_of(request_.options), request_.dds, request_.gui};
+    return {run_.scene, settings_flags_of(request_.options), request_.dds, request_.gui, json_text(run_, 2), out()};
   }
   /// The programs of this machine inherit the memory of the recording. Other hosts record theirs.
   void record_hosts() {

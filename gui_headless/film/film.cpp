@@ -24,7 +24,7 @@ namespace subworld {
 namespace {
 
 /// The world of a recording at any moment of its simulated time. All functions throw `Error` (usage) where the file is
-/// no finished recording.
+/// no recording.
 class RecordedWorld {
  public:
   explicit RecordedWorld(const std::string& file) : reader_(file), channel_(channel_of("/world_state")) {
@@ -49,6 +49,7 @@ class RecordedWorld {
   }
 
   [[nodiscard]] const SceneDescription& scene() const noexcept { return scene_; }
+  [[nodiscard]] const std::string& lacks() const noexcept { return reader_.lacks(); }
   [[nodiscard]] double from_s() const noexcept { return from_s_; }
   [[nodiscard]] double to_s() const noexcept { return to_s_; }
 
@@ -151,7 +152,7 @@ void add_options(CommandLine& line, Request& r) {
       "  subworld film run.mcap --out out/film\n"
       "  subworld film run.mcap --from 2 --to 3 --speed 0.1 --eye 1,-1,0.5\n"
       "Where ffmpeg is installed, it also makes film.mp4 of the pictures.\n"
-      "Exit codes: 0 done, 1 failed while running, 2 usage or no finished recording.");
+      "Exit codes: 0 done, 1 failed while running, 2 usage or no recording.");
 }
 
 std::optional<Camera> camera_of(const Request& request) {
@@ -190,6 +191,7 @@ std::string encode(const Request& request, std::size_t pictures) {
 
 int make_film(const Request& request) {
   RecordedWorld world(request.file);
+  if (!world.lacks().empty()) fmt::print("film: {}: {}\n", request.file, world.lacks());
   const double from_s = std::clamp(request.from_s.value_or(world.from_s()), world.from_s(), world.to_s());
   const double to_s = std::clamp(request.to_s.value_or(world.to_s()), world.from_s(), world.to_s());
   if (to_s < from_s) throw Error(ExitCode::usage, fmt::format("--to {} is before --from {}", to_s, from_s));

@@ -3,7 +3,10 @@
 #include "io/records/mcap_writer.hpp"
 #include "model/error.hpp"
 
+#include <fcntl.h>
 #include <fmt/core.h>
+#include <sys/file.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -43,11 +46,24 @@ std::uint32_t crc_of(std::span<const std::uint8_t> bytes) {
   return static_cast<std::uint32_t>(crc32_z(0, bytes.data(), bytes.size()));
 }
 
+std::pair<std::uint16_t, std::string> channel_of(Cursor record) {
+  const auto id = record.number<std::uint16_t>();
+  (void)record.number<std::uint16_t>();  // schema
+  return {id, record.text()};
+}
+
+/// Whether a `Writer` has the file open.
+bool is_being_written(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool locked = file >= 0 && flock(file, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  if (file >= 0) close(file);
+  return locked;
+}
+
 }  // namespace
 
 void Reader::fail(const std::string& why) const {
-  throw Error(ExitCode::usage,
-              fmt::format("{}: {}; name a file that `subworld run --record` has finished", path_, why));
+  throw Error(ExitCode::usage, fmt::format("{}: {}; name a file of `subworld run --record`", path_, why));
 }
 
 std::vector<std::uint8_t> Reader::read(std::uint64_t start, std::uint64_t length) {
@@ -62,11 +78,17 @@ std::vector<std::uint8_t> Reader::read(std::uint64_t start, std::uint64_t length
 Reader::Reader(const std::string& path) : path_(path), file_(path, std::ios::binary | std::ios::ate) {
   if (!file_) fail("cannot be opened");
   size_ = static_cast<std::uint64_t>(file_.tellg());
-  if (size_ < kMagic.size() + kEnd) fail("is no recording");
-  const auto begin = read(0, kMagic.size()), end = read(size_ - kEnd, kEnd);
-  if (!std::ranges::equal(begin, kMagic)) fail("is no recording in the format MCAP");
-  if (!std::equal(kMagic.begin(), kMagic.end(), end.end() - static_cast<std::ptrdiff_t>(kMagic.size())))
-    fail("has no end: the run was killed");
+  if (size_ < kMagic.size() || !std::ranges::equal(read(0, kMagic.size()), kMagic))
+    fail("is no recording in the format MCAP");
+  if (size_ >= kMagic.size() + kEnd && std::ranges::equal(read(size_ - kMagic.size(), kMagic.size()), kMagic)) {
+    read_summary();
+  } else {
+    scan();
+  }
+}
+
+void Reader::read_summary() {
+  const auto end = read(size_ - kEnd, kEnd);
   Cursor footer{std::span<const std::uint8_t>(end).subspan(kRecordHead)};
   const auto summary = footer.number<std::uint64_t>();
   (void)footer.number<std::uint64_t>();
@@ -82,9 +104,7 @@ Reader::Reader(const std::string& path) : path_(path), file_(path, std::ios::bin
       place.start = record.number<std::uint64_t>();
       place.length = record.number<std::uint64_t>();
     } else if (op == Op::channel) {
-      const auto id = record.number<std::uint16_t>();
-      (void)record.number<std::uint16_t>();
-      topics_[id] = record.text();
+      topics_.insert(channel_of(record));
     } else if (op == Op::chunk_index) {
       (void)record.number<std::uint64_t>();
       ChunkPlace& place = chunks_.emplace_back();
@@ -97,6 +117,30 @@ Reader::Reader(const std::string& path) : path_(path), file_(path, std::ios::bin
       from_ns_ = record.number<std::uint64_t>();
       to_ns_ = record.number<std::uint64_t>();
     }
+  }
+}
+
+void Reader::scan() {
+  lacks_ = is_being_written(path_)
+               ? "its run is still being recorded: the newest second and the summary are missing"
+               : "it has no end, because its recorder was killed: the last second and the summary are missing";
+  for (std::uint64_t at = kMagic.size(); size_ - at >= kRecordHead;) {
+    const auto head = read(at, kRecordHead);
+    Cursor cursor(head);
+    const auto op = static_cast<Op>(cursor.number<std::uint8_t>());
+    const auto length = cursor.number<std::uint64_t>();
+    if (length > size_ - at - kRecordHead || op == Op::data_end) return;
+    const Place place{at, kRecordHead + length};
+    at += place.length;
+    if (op == Op::attachment) attachments_.push_back(place);
+    if (op == Op::channel) topics_.insert(channel_of(Cursor(read(place.start + kRecordHead, length))));
+    if (op != Op::chunk) continue;
+    chunks_.push_back({place, 0});
+    const Chunk chunk = read_chunk(chunks_.size() - 1);
+    if (chunk.messages.empty()) continue;
+    if (messages_ == 0) from_ns_ = chunk.messages.front().time_ns;
+    messages_ += chunk.messages.size();
+    to_ns_ = chunks_.back().to_ns = chunk.messages.back().time_ns;
   }
 }
 

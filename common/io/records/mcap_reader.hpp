@@ -25,11 +25,14 @@ struct Chunk {
   std::vector<Message> messages;
 };
 
-/// Reads files as `Writer` makes them, through their summary.
+/// Reads files as `Writer` makes them, through their summary; those without an end up to their last whole record.
 class Reader {
  public:
-  /// Throws `Error` (usage) where the file cannot be read or has no summary, as all functions here do.
+  /// Throws `Error` (usage) where the file cannot be read or is damaged, as all functions here do.
   explicit Reader(const std::string& path);
+
+  /// Why the file has no end, and what is missing; empty: it is whole.
+  [[nodiscard]] const std::string& lacks() const noexcept { return lacks_; }
 
   /// Names and contents of the attachments, whose checksums are checked.
   [[nodiscard]] std::map<std::string, std::string> attachments();
@@ -53,6 +56,8 @@ class Reader {
   struct Place {
     std::uint64_t start = 0, length = 0;
   };
+  void read_summary();
+  void scan();
   std::vector<std::uint8_t> read(std::uint64_t start, std::uint64_t length);
   [[noreturn]] void fail(const std::string& why) const;
 
@@ -66,6 +71,7 @@ class Reader {
   std::vector<ChunkPlace> chunks_;
   std::map<std::uint16_t, std::string> topics_;
   std::uint64_t messages_ = 0, from_ns_ = 0, to_ns_ = 0;
+  std::string lacks_;
 };
 
 }  // namespace subworld::mcap
