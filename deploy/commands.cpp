@@ -1,9 +1,14 @@
 #include "commands.hpp"
 
+#include "io/ending.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "record/replay.hpp"
+#include "watch/programs.hpp"
 
 #include <fmt/core.h>
+#include <pwd.h>
+#include <unistd.h>
 
 #include <map>
 #include <string>
@@ -11,6 +16,25 @@
 
 namespace subworld {
 namespace {
+
+/// Of this command, as the verdict of a run names it.
+std::string sender_text() {
+  const passwd* const user = getpwuid(geteuid());
+  return fmt::format("{} on {}, process {}", user == nullptr ? std::to_string(geteuid()) : user->pw_name, host_name(),
+                     getpid());
+}
+
+/// The domain of the only run of this machine. Throws `Error` (usage) where there is none, or more than one.
+int only_domain() {
+  const std::vector<ClaimedDomain> claimed = claimed_domains();
+  if (claimed.size() == 1) return claimed.front().domain;
+  std::vector<int> domains;
+  for (const ClaimedDomain& one : claimed) domains.push_back(one.domain);
+  throw Error(ExitCode::usage,
+              claimed.empty()
+                  ? "no run of this machine is alive; name the domain of another one with --domain"
+                  : fmt::format("runs on the domains {} are alive; name one with --domain", joined(domains, ", ")));
+}
 
 /// What a run on one host and one on several have in common.
 void add_common(CommandLine& line, RunWords& words) {
@@ -114,13 +138,14 @@ void add_control(CommandLine& line, ControlRequest& request) {
         return setting_fault({"ratio", text});
       });
   line.flag("--haptic", request.haptic, "change the sub-worlds' engine instead of the world's");
-  add_domain(line, request.network.domain).required();
+  request.network.domain = -1;
+  add_domain(line, request.network.domain).otherwise("that of the only run of this machine");
   add_dds(line, request.network.dds, {"fastdds", "cyclonedds"});
   add_network(line, request.network);
   line.add("--wait", &request.wait_s, "longest wait for the world, and then for its answer").range(0.1, 3600.0, "s");
   line.footer(
       "Examples:\n"
-      "  subworld control pause --domain 100\n"
+      "  subworld control pause\n"
       "  subworld control engine bullet_float --domain 100\n"
       "  subworld control engine havok --haptic --domain 100\n"
       "  subworld control leave --user 1 --domain 100\n"
@@ -152,6 +177,8 @@ void control(ControlRequest& request) {
     }
     if (wanted) order = {.verb = verb.verb, .argument = given ? argument->second : ""};
   }
+  if (order.verb == ControlVerb::stop) order.argument = sender_text();
+  if (request.network.domain < 0) request.network.domain = only_domain();
   send_control(request.network, order, request.wait_s);
 }
 

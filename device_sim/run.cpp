@@ -160,7 +160,7 @@ Ending run_lockstep(const DeviceRun& run) {
       ending.from_s = device.state().stamp_s;
       continue;
     }
-    measures.round_trip(1e-9 * static_cast<double>(to_ns(stages.now()) - command.echoed_sent_ns));
+    measures.answered(command.echoed_sent_ns, stages.now());
     const DeviceCommand safe = guard.pass(command, state, true, h_s);
     felt = safe.wrench;
     device.step(safe, h_s);
@@ -246,8 +246,7 @@ class RealtimeLoop : DeviceRun {
       if (came_.served == ports.identity) ports.commands.trust_sender();
       if (!running() && came_.stamp_s > kAbsent_s) resume(came_.stamp_s);
       command_ = came_;
-      if (command_.echoed_sent_ns != 0)
-        measures.round_trip(1e-9 * static_cast<double>(to_ns(now) - command_.echoed_sent_ns));
+      measures.answered(command_.echoed_sent_ns, now);
       haptic_.heard(now);
     }
   }

@@ -43,7 +43,6 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
   /// A command that the haptic process cannot have sent was dropped. Returns the number of them.
   std::uint64_t forged_command() noexcept { return ++forged_commands_; }
   [[nodiscard]] std::uint64_t forged_commands() const noexcept { return forged_commands_; }
-  void round_trip(double seconds) noexcept { round_trip_.add(seconds); }
   /// Share of the states that were sent.
   void sent(double ratio) noexcept { sent_ratio_ = ratio; }
   /// Data of the loop for the status.
@@ -53,7 +52,6 @@ class DeviceMeasures : public LoopMeasures<DeviceStage> {
 
  private:
   int user_;
-  Histogram round_trip_;
   double sent_ratio_ = 1.0;
   std::uint64_t forged_commands_ = 0;
 };

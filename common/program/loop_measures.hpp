@@ -24,6 +24,12 @@ class LoopMeasures {
   /// loop_begins() and loop_ends() enclose a loop in real time; call them in its thread.
   void loop_begins(const Scheduling& granted) { machine_.begin(granted); }
   void loop_ends() { machine_.end(); }
+  /// At `now` a peer answers what was sent then; 0: nothing was. Only the first answer is a round trip: a paused peer
+  /// repeats its last one.
+  void answered(std::int64_t sent_ns, TimePoint now) noexcept {
+    if (std::exchange(answered_ns_, sent_ns) != sent_ns && sent_ns != 0)
+      round_trip_.add(1e-9 * static_cast<double>(to_ns(now) - sent_ns));
+  }
   /// Why the history could not be written; empty if there was no error.
   [[nodiscard]] std::string fault() const { return history_.fault(); }
 
@@ -76,13 +82,14 @@ class LoopMeasures {
   Stages<Stage> stages_;
   std::uint64_t steps_ = 0;
   Misses misses_;
-  Histogram lateness_;
+  Histogram lateness_, round_trip_;
   StepTimes newest_;
 
  private:
   Trace trace_;
   std::span<const char* const> names_;
   Histogram step_, woken_late_;
+  std::int64_t answered_ns_ = 0;  ///< when the newest of what was answered was sent
   MachineShare machine_;
 };
 

@@ -21,11 +21,11 @@ std::string scene_text(const RunResults& run) {
   const Settings& settings = run.scene.settings;
   const int users = settings.users;
   return fmt::format(
-      "A world of {} bodies, the scene \"{}\", was simulated for {:.3g} s{}. {} touched it with {} haptic device{}. "
+      "A world of {} {}, the scene \"{}\", was simulated for {:.3g} s{}. {} touched it with {} haptic device{}. "
       "The "
       "whole world was simulated in {} cycles a second; for each user, the bodies near the tool were simulated a "
       "second time, at {}.",
-      grouped(run.world.bodies), run.scene.name, run.simulated_s,
+      grouped(run.world.bodies), run.world.bodies == 1 ? "body" : "bodies", run.scene.name, run.simulated_s,
       run.realtime() ? " in real time" : fmt::format(" in lock-step, in {:.1f} s", run.wall_s),
       users == 1 ? "An emulated operator" : fmt::format("{} emulated operators", users), users == 1 ? "a" : "one",
       users == 1 ? "" : " each", std::lround(1.0 / (settings.h_s * run.world.ratio.mean())),

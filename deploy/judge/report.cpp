@@ -67,9 +67,11 @@ std::vector<std::string> judge(RunResults& run, const Ended& ended) {
              run.gates.size());
   run.verdict = verdict_of(run.gates, run);
   if (run.simulated_s < settings.duration_s - settings.longest_cycle_s()) {
-    run.verdict =
-        fmt::format("stopped by {} at t = {:.3f} s{}", ended.signal == 0 ? "control" : name_of_signal(ended.signal),
-                    run.simulated_s, run.verdict == "ok" ? "" : "; until then: " + run.verdict);
+    run.verdict = fmt::format("stopped by {} at t = {:.3f} s{}",
+                              ended.signal != 0                      ? name_of_signal(ended.signal)
+                              : run.ending.by.starts_with("control") ? run.ending.by
+                                                                     : "control",
+                              run.simulated_s, run.verdict == "ok" ? "" : "; until then: " + run.verdict);
   }
   run.verdict += checkpoint_remark(run.world);
   std::vector<std::string> faults = ended.signal == 0 ? faults_of(run) : std::vector<std::string>{};

@@ -6,6 +6,7 @@
 #include "judge/gates.hpp"
 #include "model/settings/settings.hpp"
 #include "physics/plugin.hpp"
+#include "watch/progress.hpp"
 
 #include <fmt/core.h>
 
@@ -107,7 +108,7 @@ void print_recording(const RecordingResult& recording) {
 
 /// How many states of bodies were recorded, and a warning of dropped ones.
 void print_body_history(const BodyHistoryResult& written) {
-  fmt::print("    {}: {} bodies {}, {} rows{}\n", written.file, written.bodies,
+  fmt::print("    {}: {} {}, {} rows{}\n", written.file, bodies_text(written.bodies),
              written.interval_s > 0.0 ? fmt::format("every {:g} ms", 1e3 * written.interval_s) : "every cycle",
              written.rows,
              written.rows_dropped == 0
@@ -270,9 +271,8 @@ void to_json(Json& json, const RunResults& run) {
 
 void print_summary(const RunResults& run) {
   const Settings& s = run.scene.settings;
-  fmt::print("{} {}: {} bodies, {} user{}, scheme {}, {}, {}\n", run.scene.name,
-             run.realtime() ? "realtime" : "lockstep", run.world.bodies, s.users, s.users == 1 ? "" : "s", s.scheme,
-             ratio_text(run), run.dds);
+  fmt::print("{} {}: {}, {} user{}, scheme {}, {}, {}\n", run.scene.name, run.realtime() ? "realtime" : "lockstep",
+             bodies_text(run.world.bodies), s.users, s.users == 1 ? "" : "s", s.scheme, ratio_text(run), run.dds);
   print_world(run);
   if (run.calibration) {
     fmt::print("  {}, p99 {:.3f} ms max {:.3f} ms; {}\n", calibration_text(run),

@@ -225,8 +225,9 @@ std::string line_of_run(const Json& summary) {
                      std::isfinite(number_at(summary, "simulated_s"))
                          ? fmt::format(", {} s", digits_of(number_at(summary, "simulated_s"), 4))
                          : "",
-                     text_at(summary, "scheme"), text_at(summary, "engine"), bodies.empty() ? "" : bodies + " bodies, ",
-                     users, users == "1" ? "" : "s", ratio_of(summary), text_at(summary, "dds"));
+                     text_at(summary, "scheme"), text_at(summary, "engine"),
+                     bodies.empty() ? "" : bodies + (bodies == "1" ? " body, " : " bodies, "), users,
+                     users == "1" ? "" : "s", ratio_of(summary), text_at(summary, "dds"));
 }
 
 std::string machine_line(const Json& summary) {

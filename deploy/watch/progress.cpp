@@ -23,15 +23,17 @@ constexpr double kStalled_s = 3.0;  ///< a loop in lock-step names after 2 s the
 
 std::string starting_line(const Status& world, std::size_t bodies) {
   if (world.state != "loading" && world.state != "settling") return world.state;
-  return fmt::format("{} {} bodies: {:.0f} %", world.state == "loading" ? "creating" : "settling", bodies,
+  return fmt::format("{} {}: {:.0f} %", world.state == "loading" ? "creating" : "settling", bodies_text(bodies),
                      100.0 * world.done_ratio);
 }
 
 }  // namespace
 
+std::string bodies_text(std::size_t count) { return fmt::format("{} {}", count, count == 1 ? "body" : "bodies"); }
+
 std::string progress_line(const Statuses& statuses, const Settings& settings, std::size_t bodies) {
   const auto world = statuses.find({ProgramKind::world_sim, 0});
-  if (world == statuses.end()) return fmt::format("reading {} bodies", bodies);
+  if (world == statuses.end()) return "reading " + bodies_text(bodies);
   if (world->second.state != "running" || world->second.steps == 0) return starting_line(world->second, bodies);
   const bool realtime = settings.mode == Mode::realtime;
   double rate_hz = 0.0;
@@ -46,6 +48,7 @@ std::string progress_line(const Statuses& statuses, const Settings& settings, st
   }
   std::string line =
       fmt::format("t = {:.1f} of {:g} s", std::min(world->second.time_s, settings.duration_s), settings.duration_s);
+  if (world->second.paused) return line + "; paused";
   if (forces.empty()) return line;
   line += fmt::format("; {:.0f} Hz; force {} N", rate_hz, joined(forces, ", "));
   if (realtime) {

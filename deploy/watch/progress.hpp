@@ -16,6 +16,8 @@ namespace subworld {
 /// The newest status of each program, by program and instance.
 using Statuses = std::map<std::pair<ProgramKind, std::uint32_t>, Status>;
 
+/// "1 body" or "2 bodies".
+[[nodiscard]] std::string bodies_text(std::size_t count);
 /// The state of a run on one line: time, rate, force, misses and real-time factor; before the start, what it waits for.
 [[nodiscard]] std::string progress_line(const Statuses& statuses, const Settings& settings, std::size_t bodies);
 

@@ -51,10 +51,6 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   /// Periods that were over before their steps could begin: missed deadlines, and no steps. `by_os`: of these.
   void skipped(int periods, int by_os) noexcept;
   void synchronised(double seconds, std::uint64_t lost_frames) noexcept;
-  /// A frame that came at `now` echoes when the report that the world used last was sent; 0: none was.
-  void answered(std::int64_t echoed_sent_ns, TimePoint now) noexcept {
-    if (echoed_sent_ns != 0) round_trip_.add(1e-9 * static_cast<double>(to_ns(now) - echoed_sent_ns));
-  }
   /// A frame has come; the world lacked the report of its stamp.
   void framed(bool lacked_report) noexcept {
     ++frames_;
@@ -86,7 +82,7 @@ class HapticMeasures : public LoopMeasures<HapticStage> {
   double sent_ratio_ = 1.0;
   double newest_members_ = 0.0;
   bool missed_ = false, lost_ = false;  ///< a deadline and frames, in the present step
-  Histogram sync_, round_trip_;
+  Histogram sync_;
   MeanMax members_, contacts_, border_;
   std::uint64_t frames_ = 0, lacked_reports_ = 0;
   std::uint64_t skipped_ = 0, lost_frames_ = 0, resets_ = 0, refused_frames_ = 0;

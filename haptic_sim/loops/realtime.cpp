@@ -75,7 +75,7 @@ class RealtimeLoop : HapticRun {
     const int over_by_os = loop_.wake(h_s_);
     // The periods that the OS has slept through are over: their forces would come too late to be felt.
     const int over = loop_.skip_missed();
-    measures.skipped(over, over_by_os);
+    if (!clock_.phase().stands()) measures.skipped(over, over_by_os);
     loop_.begin();
     clock_.skip(over * h_s_);
     fading_ += last_ || stop_signal() != 0;
@@ -175,6 +175,7 @@ class RealtimeLoop : HapticRun {
     const TimePoint end = stages_.now();
     loop_.end(end);
     took_s_ = to_seconds(end - loop_.woke());
+    if (clock_.phase().stands()) miss = Miss::none;  // while the run is paused, no force depends on the step
     measures.step(sub, felt, {took_s_, loop_.lateness_s(), loop_.woken_late_s(), miss});
     ports.status.update(measures.state(sub.facts().time_s));
     stages_.mark(HapticStage::account);

@@ -190,7 +190,7 @@ TEST_F(LiveVerdict, IsMissingWhereASignalEndsTheDisplay) {
 TEST_F(LiveVerdict, OfARunThatIsStoppedAndRecorded) {
   begin_with_viewer({"--record", folder_.path() + "/run.mcap"});
   end();
-  expect_verdict("stopped by control at t = ");
+  expect_verdict("stopped by control (");
   EXPECT_GT(summary()["gates"].size(), 5U);
   EXPECT_EQ(summary()["recording"]["messages_lost"], 0);
 }

@@ -190,7 +190,7 @@ Ending WorldLoop::ending() const {
           .from_s = from_s_,
           .to_s = world.facts().time_s,
           .by = world.facts().over   ? "duration"
-                : control_.stopped() ? "control"
+                : control_.stopped() ? control_.stopped_by()
                                      : name_of_signal(stop_signal())};
 }
 

@@ -6,6 +6,7 @@ OrderAnswer RunControl::follow(const Control& order) {
   switch (order.verb) {
     case ControlVerb::stop:
       stopped_ = true;
+      if (!order.argument.empty()) stopped_by_ = "control (" + order.argument + ")";
       return {OrderState::done, "stop: the next frame is the last"};
     case ControlVerb::pause:
       paused_ = true;

@@ -2,6 +2,8 @@
 
 #include "model/messages/exchange.hpp"
 
+#include <string>
+
 namespace subworld {
 
 /// What `control` asked of the world's clock.
@@ -14,10 +16,13 @@ class RunControl {
   [[nodiscard]] bool may_step() noexcept;
   [[nodiscard]] bool paused() const noexcept { return paused_; }
   [[nodiscard]] bool stopped() const noexcept { return stopped_; }
+  /// "control", with the sender where the order names it.
+  [[nodiscard]] const std::string& stopped_by() const noexcept { return stopped_by_; }
 
  private:
   bool paused_ = false;
   bool stopped_ = false;
+  std::string stopped_by_ = "control";
   int granted_ = 0;  ///< cycles, while paused
 };
 

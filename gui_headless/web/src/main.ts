@@ -238,7 +238,7 @@ setInterval(() => {
   if (now - traffic.at > 1900) {
     const rate = (1000 * (connection.bytes - traffic.bytes)) / (now - traffic.at);
     const text = rate >= 1e6 ? `${(rate / 1e6).toFixed(1)} MB/s` : `${Math.round(rate / 1e3)} kB/s`;
-    element("traffic").textContent = `${Math.round(view.framesPerSecond)} frames/s drawn, ${text} received, ${model.bodies.length} bodies`;
+    element("traffic").textContent = `${Math.round(view.framesPerSecond)} frames/s drawn, ${text} received, ${model.bodies.length} ${model.bodies.length === 1 ? "body" : "bodies"}`;
     traffic = { at: now, bytes: connection.bytes };
   }
 }, 250);

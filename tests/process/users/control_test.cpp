@@ -201,6 +201,11 @@ TEST_F(Control, APauseIsNotTakenForAStall) {
   ASSERT_EQ(control({"stop"}).code, 0);
   EXPECT_EQ(process.wait(), 0) << process.err();
   EXPECT_EQ(process.err().find("has not advanced"), std::string::npos) << process.err();
+  EXPECT_NE(process.out().find("; paused"), std::string::npos) << process.out();
+  // The time of the pause is in no figure, and the verdict names the sender of the stop.
+  for (const char* program : {"haptic", "device"})
+    EXPECT_LT(summary()[program][0]["round_trip_s"]["p50"].get<double>(), 0.5) << program;
+  EXPECT_NE(summary()["verdict"].get<std::string>().find(", process "), std::string::npos) << summary()["verdict"];
 }
 
 // A device moves while the world is paused. This must neither load the coupling nor throw the tool afterwards.

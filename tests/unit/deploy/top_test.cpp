@@ -1,5 +1,6 @@
 // The table of `subworld top`.
 #include "watch/top.hpp"
+#include "watch/progress.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -45,6 +46,18 @@ TEST(Top, NamesAProgramThatPublishesNothing) {
 TEST(Top, AnOptionIsReadInBothForms) {
   EXPECT_EQ(value_of({"x", "--domain", "7", "--domain=8"}, "--domain"), "8");
   EXPECT_EQ(value_of({"x", "--domain"}, "--domain"), std::nullopt);
+}
+
+TEST(Progress, SaysWhetherTheRunIsPaused) {
+  Settings settings;
+  settings.duration_s = 8.0;
+  EXPECT_EQ(progress_line({}, settings, 1), "reading 1 body");
+  Status world;
+  world.state = "running";
+  world.steps = 1;
+  world.time_s = 2.0;
+  world.paused = true;
+  EXPECT_EQ(progress_line({{{ProgramKind::world_sim, 0}, world}}, settings, 2), "t = 2.0 of 8 s; paused");
 }
 
 }  // namespace
