@@ -260,8 +260,8 @@ ReportPlace place_of(const ReportRequest& request) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) {
     const bool ran = std::ranges::any_of(kPartsOfARun, [&](const char* part) { return fs::exists(folder / part); });
-    FileLock lock;
-    if (ran && !lock.take_folder(folder))
+    Claim claim;
+    if (ran && !claim.take_folder(folder))
       throw Error(ExitCode::usage,
                   fmt::format("{}: a run still writes its results there; wait for its end", folder.string()));
     throw Error(ExitCode::usage,

@@ -1,12 +1,27 @@
 #include "world_sim/loops/run_control.hpp"
 
+#include <algorithm>
+
 namespace subworld {
+
+namespace {
+
+/// What a stranger may have sent, for a line of text.
+std::string on_one_line(const std::string& sent) {
+  constexpr std::size_t kMost = 120;
+  std::string text = sent.substr(0, kMost);
+  std::ranges::replace_if(
+      text, [](char c) { return c >= 0 && c < ' '; }, ' ');
+  return text;
+}
+
+}  // namespace
 
 OrderAnswer RunControl::follow(const Control& order) {
   switch (order.verb) {
     case ControlVerb::stop:
       stopped_ = true;
-      if (!order.argument.empty()) stopped_by_ = "control (" + order.argument + ")";
+      if (!order.argument.empty()) stopped_by_ = "control (" + on_one_line(order.argument) + ")";
       return {OrderState::done, "stop: the next frame is the last"};
     case ControlVerb::pause:
       paused_ = true;

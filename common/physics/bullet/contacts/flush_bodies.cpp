@@ -13,7 +13,8 @@ namespace {
 
 constexpr double kAlong = 1.0 - 1e-7;  ///< cosine of directions that are equal
 
-/// Calls `visit(movable, fixed, manifold)` for the contacts of movable bodies with fixed ones that are convex or planes.
+/// Calls `visit(movable, fixed, manifold)` for the contacts of movable bodies with fixed ones that are convex or
+/// planes.
 template <class Visit>
 void for_fixed(btDispatcher& dispatcher, const Visit& visit) {
   for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
