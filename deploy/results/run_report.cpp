@@ -4,7 +4,6 @@
 #include "io/version.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "run/claim.hpp"
 
 #include <fmt/core.h>
 
@@ -260,10 +259,6 @@ ReportPlace place_of(const ReportRequest& request) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) {
     const bool ran = std::ranges::any_of(kPartsOfARun, [&](const char* part) { return fs::exists(folder / part); });
-    Claim claim;
-    if (ran && !claim.take_folder(folder))
-      throw Error(ExitCode::usage,
-                  fmt::format("{}: a run still writes its results there; wait for its end", folder.string()));
     throw Error(ExitCode::usage,
                 fmt::format("{}: has no summary.json{}", folder.string(),
                             ran ? "; `subworld collect` makes one of what programs of a run wrote"
