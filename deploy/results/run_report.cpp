@@ -4,6 +4,7 @@
 #include "io/version.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
+#include "run/claim.hpp"
 
 #include <fmt/core.h>
 
