@@ -260,10 +260,12 @@ ReportPlace place_of(const ReportRequest& request) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) {
     const bool ran = std::ranges::any_of(kPartsOfARun, [&](const char* part) { return fs::exists(folder / part); });
-    throw Error(ExitCode::usage,
-                fmt::format("{}: has no summary.json{}", folder.string(),
-                            ran ? "; `subworld collect` makes one of what programs of a run wrote"
-                                : ": no run and no lab has ended here; name the folder that its --out named"));
+    throw Error(
+        ExitCode::usage,
+        fmt::format("{}: has no summary.json{}", folder.string(),
+                    ran ? ": wait for its end if the run goes on; else `subworld collect` makes one of what its "
+                          "programs wrote"
+                        : ": no run and no lab has ended here; name the folder that its --out named"));
   }
   const Json json = read_json(summary.string());
   if (!json.is_object() || json.empty())

@@ -6,7 +6,7 @@ namespace subworld {
 
 namespace {
 
-/// What a stranger may have sent, for a line of text.
+/// What any program of the network may have sent, for a line of text.
 std::string on_one_line(const std::string& sent) {
   constexpr std::size_t kMost = 120;
   std::string text = sent.substr(0, kMost);

@@ -116,7 +116,7 @@ class SmallStepWorld final : public btDiscreteDynamicsWorld {
 
  private:
   void solveConstraints(btContactSolverInfo& info) override {
-    flush_bodies_.leave_out_seams(*getDispatcher());
+    flush_bodies_.omit_seams(*getDispatcher());
     left_contacts_.give_back(*getDispatcher());
     btDiscreteDynamicsWorld::solveConstraints(info);
   }

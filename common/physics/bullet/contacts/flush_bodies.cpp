@@ -47,7 +47,7 @@ bool pushes_with_face(const btCollisionObject& body, const Vec3& normal) {
 
 }  // namespace
 
-void FlushBodies::leave_out_seams(btDispatcher& dispatcher) {
+void FlushBodies::omit_seams(btDispatcher& dispatcher) {
   touches_.clear();
   std::ranges::fill(fixed_touched_, std::uint8_t{0});
   bool any = false;
@@ -65,12 +65,12 @@ void FlushBodies::leave_out_seams(btDispatcher& dispatcher) {
     if (carrier.manifold->getNumContacts() == 0) continue;
     if (!pushes_with_face(*carrier.fixed, normal_of(*carrier.manifold, *carrier.movable))) continue;
     for (const Touch& other : touches_) {
-      if (other.id == carrier.id && other.fixed != carrier.fixed) leave_out(carrier, other);
+      if (other.id == carrier.id && other.fixed != carrier.fixed) omit(carrier, other);
     }
   }
 }
 
-void FlushBodies::leave_out(const Touch& carrier, const Touch& other) const {
+void FlushBodies::omit(const Touch& carrier, const Touch& other) const {
   if (other.manifold->getNumContacts() == 0 || is_plane(*other.fixed)) return;
   const Vec3 up = normal_of(*carrier.manifold, *carrier.movable);
   if (normal_of(*other.manifold, *other.movable).dot(up) > kAlong) return;

@@ -10,11 +10,11 @@ namespace subworld::bullet {
 
 /// Fixed bodies side by side whose faces are flush form one surface: their seams do not push. A body that rests on a
 /// face of one of them is above that face's plane. So a body wholly below the plane can push only along the plane's
-/// normal: contacts with it in other directions are left out.
+/// normal: contacts with it in other directions are omitted.
 class FlushBodies {
  public:
   /// Call when the contacts of a step are found.
-  void leave_out_seams(btDispatcher& dispatcher);
+  void omit_seams(btDispatcher& dispatcher);
 
  private:
   /// A movable body touches a fixed one.
@@ -23,7 +23,7 @@ class FlushBodies {
     const btCollisionObject *movable, *fixed;
     btPersistentManifold* manifold;
   };
-  void leave_out(const Touch& carrier, const Touch& other) const;
+  void omit(const Touch& carrier, const Touch& other) const;
 
   std::vector<Touch> touches_;
   std::vector<std::uint8_t> fixed_touched_;  ///< number of fixed bodies that a movable body touches, by id
