@@ -1,6 +1,7 @@
 #include "report/page.hpp"
 
 #include "io/results/json.hpp"
+#include "io/version.hpp"
 #include "model/error.hpp"
 #include "report/look.hpp"
 
@@ -9,7 +10,9 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <iterator>
 
 namespace subworld {
 
@@ -84,6 +87,17 @@ std::string shown(double number, int digits) {
   return fmt::format("<data value=\"{}\">{}</data>", number, digits_of(number, digits));
 }
 
+void check_page(const std::string& path) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(path, none)) return;
+  std::ifstream page(path);
+  const std::string held{std::istreambuf_iterator<char>(page), {}};
+  if (held.empty() || held.find(kPageMark) != std::string::npos) return;
+  throw Error(ExitCode::usage, fmt::format("{}: holds something else, which the page would replace; choose another "
+                                           "name (--out), or remove it",
+                                           path));
+}
+
 Page::Page(const std::string& path, const std::string& title) : path_(path), title_(title) {
   text_ = fmt::format("{}<title>{}</title></head><body>\n", page_head(), escaped(title));
 }
@@ -107,7 +121,8 @@ void Page::plots(const std::string* first, std::size_t count) {
 void Page::close() {
   std::ofstream file(path_);
   if (!file) throw Error(ExitCode::failed, fmt::format("{}: {}; choose another file", path_, std::strerror(errno)));
-  file << text_ << page_script() << "</body></html>\n";
+  file << text_ << fmt::format("<p class=facts>{} {}.</p>\n", kPageMark, version_text()) << page_script()
+       << "</body></html>\n";
   if (!file.flush()) throw Error(ExitCode::failed, fmt::format("{}: cannot write; is the disk full?", path_));
 }
 

@@ -98,13 +98,19 @@ Readings foreign_writers(const RunResults& run) {
 }
 
 Readings bodies_energy(const RunResults& run) {
+  const bool absent =
+      std::ranges::any_of(run.device, [](const DeviceResult& one) { return one.driver && one.driver->absences > 0; });
   const bool of_scheme = scheme_of(run.scene.settings).properties.creates_energy_late;
-  return {reading("energy that the bodies gained", kJoule, run.energy_excess_j, most_gained_j(run),
-                  {Culprit::unstable, fmt::format("the operators did not put it in{}",
-                                                  of_scheme ? ": with late messages this --scheme creates it; another "
-                                                              "one, or less delay"
-                                                            : "; a smaller --ratio, --set world.preset=quality, or "
-                                                              "another --engine")})};
+  const Cause cause =
+      absent ? Cause{Culprit::run,
+                     "a device was absent, and what its operator did meanwhile is in no account; find out "
+                     "why its readings stopped"}
+             : Cause{Culprit::unstable, fmt::format("the operators did not put it in{}",
+                                                    of_scheme ? ": with late messages this --scheme creates it; "
+                                                                "another one, or less delay"
+                                                              : "; a smaller --ratio, --set world.preset=quality, or "
+                                                                "another --engine")};
+  return {reading("energy that the bodies gained", kJoule, run.energy_excess_j, most_gained_j(run), cause)};
 }
 
 /// Messages between world and sub-worlds that were lost, late or refused.
@@ -172,15 +178,28 @@ Readings jumps(const UserOfRun& at) {
                    "10 m/s; slow the path of the scene, or examine the device's sensors"})};
 }
 
+/// The cause of steps that the OS misses.
+Cause by_os(const UserOfRun& at) {
+  const HapticResult& haptic = at.haptic();
+  return by_late_wake_ups("loop", haptic.machine, haptic.woken_late_s.p50, haptic.missed_by_os, at.periods(),
+                          static_cast<double>(haptic.missed_by_os) * at.settings().h_s, at.run.haptic.size() > 1,
+                          at.run);
+}
+
 Readings oscillation(const UserOfRun& at) {
+  constexpr double kOftenRatio = 0.1;  // of the steps: a coupling is stable at its rate only
+  const HapticResult& haptic = at.haptic();
+  const bool often =
+      at.run.realtime() && at.of_steps(haptic.missed_by_os) > kOftenRatio && haptic.missed_by_os > haptic.missed_by_run;
   constexpr double kLeast_s = OscillationWatch::kBlock_s * (1.0 + OscillationWatch::kLasting);
   std::string name = "oscillation of the force";
   if (at.run.simulated_s < kLeast_s)
     name += fmt::format(" (a run of less than {:g} s is too short to detect it)", kLeast_s);
+  const Cause coupling{Culprit::unstable,
+                       "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or "
+                       "damping_n_s_m, a smaller --ratio or h_s, or the scheme reduced"};
   return {reading(name, kNewtonRms, at.device().oscillation_n, kOscillationRatio * at.spec().force_limit_n,
-                  {Culprit::unstable,
-                   "the force oscillates faster than an operator moves; a lower coupling stiffness_n_m or "
-                   "damping_n_s_m, a smaller --ratio or h_s, or the scheme reduced"})};
+                  often ? by_os(at) : coupling)};
 }
 
 /// Steps that miss their deadline, or start late: woken late, or after a step that ended late.
@@ -188,9 +207,7 @@ Readings loop(const UserOfRun& at) {
   if (!at.run.realtime()) return {};
   const HapticResult& haptic = at.haptic();
   const Cause own = by_own_steps(at);
-  const Cause os =
-      by_late_wake_ups("loop", haptic.machine, haptic.woken_late_s.p50, haptic.missed_by_os, at.periods(),
-                       static_cast<double>(haptic.missed_by_os) * at.settings().h_s, at.run.haptic.size() > 1, at.run);
+  const Cause os = by_os(at);
   const bool woken_late = haptic.woken_late_s.p99 > kLatenessP99_s || haptic.missed_by_os > haptic.missed_by_run;
   return {reading("missed by the run", kOfSteps, at.of_steps(haptic.missed_by_run), kMissedRatio, own),
           reading("lateness p99", kMilliseconds, haptic.lateness_s.p99, kLatenessP99_s, woken_late ? os : own),

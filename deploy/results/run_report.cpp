@@ -1,10 +1,8 @@
 #include "results/run_report.hpp"
 
 #include "io/results/json.hpp"
-#include "io/version.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
-#include "run/claim.hpp"
 
 #include <fmt/core.h>
 
@@ -273,6 +271,7 @@ ReportPlace place_of(const ReportRequest& request) {
   ReportPlace place{.folder = folder.string(), .page = request.out, .lab = ""};
   if (place.page.empty()) place.page = (folder / "report.html").string();
   if (fs::is_directory(place.page)) place.page = (fs::path(place.page) / "report.html").string();
+  check_page(place.page);
   if (json.contains("lab") && json["lab"].is_string()) place.lab = json["lab"];
   if (place.lab.empty() && !json.contains("scene") && !json.contains("verdict"))
     throw Error(ExitCode::failed, fmt::format("{}: is no summary of a run or a lab", summary.string()));
@@ -311,7 +310,6 @@ void write_report(const ReportPlace& place) {
   }
   page.heading("What the figures mean");
   page.add(kMore);
-  page.add(fmt::format("<p class=facts>{} {}.</p>\n", kReportMark, version_text()));
   page.close();
   fmt::print("report: {}\n", place.page);
 }

@@ -3,6 +3,7 @@
 #include "io/results/json.hpp"
 #include "io/results/output.hpp"
 #include "model/error.hpp"
+#include "report/page.hpp"
 #include "watch/programs.hpp"
 
 #include <fcntl.h>
@@ -38,7 +39,7 @@ bool is_report(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(file))) return false;
   std::ifstream page(file);
   const std::string text{std::istreambuf_iterator<char>(page), {}};
-  return text.find(kReportMark) != std::string::npos;
+  return text.find(kPageMark) != std::string::npos;
 }
 
 /// Whether a run, or a program that was started by hand, has made this file with a name of ours.

@@ -27,9 +27,6 @@ class Claim {
   int descriptor_ = -1;
 };
 
-/// In each page of a run that `subworld report` writes: with it, the next run in the folder removes the page.
-inline constexpr const char* kReportMark = "Written by Subworld";
-
 /// A domain that no other run of this network namespace holds while the claim lives: `wanted`; or, where that is
 /// negative, the first one that no program uses. Throws `Error` (middleware).
 [[nodiscard]] int claim_domain(int wanted, Claim& claim);

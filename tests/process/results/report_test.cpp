@@ -91,6 +91,10 @@ TEST_F(Report, HasTheFiguresOfTheSummary) {
     EXPECT_NE(page.find(plot), std::string::npos) << plot;
   EXPECT_EQ(page.find("Late steps"), std::string::npos) << "lock-step has no deadlines";
   EXPECT_EQ(page_of(out() + "/summary.json", out()), page) << "the same for a file in the folder";
+  const std::string foreign = folder_.write("notes.html", "mine");
+  const Ended refused = finish({program("subworld"), "report", out(), "--out", foreign});
+  EXPECT_EQ(refused.code, 2) << refused.out;
+  EXPECT_EQ(read_text(foreign), "mine") << refused.err;
   ASSERT_EQ(run(scene("first"), {"--mode", "lockstep", "--duration", "0.1"}).code, 0);
   EXPECT_FALSE(std::filesystem::exists(out() + "/report.html")) << "it belongs to the run before";
 }

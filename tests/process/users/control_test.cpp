@@ -201,7 +201,6 @@ TEST_F(Control, APauseIsNotTakenForAStall) {
   ASSERT_EQ(control({"stop"}).code, 0);
   EXPECT_EQ(process.wait(), 0) << process.err();
   EXPECT_EQ(process.err().find("has not advanced"), std::string::npos) << process.err();
-  EXPECT_NE(process.out().find("; paused"), std::string::npos) << process.out();
   // The time of the pause is in no figure, and the verdict names the sender of the stop.
   for (const char* program : {"haptic", "device"})
     EXPECT_LT(summary()[program][0]["round_trip_s"]["p50"].get<double>(), 0.5) << program;

@@ -256,12 +256,20 @@ TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   EXPECT_TRUE(verdict(run).starts_with("unstable: energy that the bodies gained 0.08 J")) << verdict(run);
   run.world.released_j = 0.4;
   EXPECT_EQ(verdict(run), "ok") << "an engine may add a little energy to a falling body";
+  run.world.released_j = 0.0;
+  run.device[0].driver = DriverResult{.name = "udp", .absences = 2};
+  EXPECT_NE(verdict(run).find("a device was absent"), std::string::npos) << verdict(run);
+  EXPECT_FALSE(verdict(run).starts_with("unstable")) << verdict(run);
 }
 
 TEST(Gates, AForceThatOscillatesIsUnstable) {
   RunResults run = quiet_run();
   run.device[0].oscillation_n = 2.5;
   EXPECT_TRUE(verdict(run).starts_with("unstable: user 0: oscillation of the force 2.5 N RMS")) << verdict(run);
+  run = late_run(1, false, 0.0);
+  run.device[0].oscillation_n = 2.5;
+  run.haptic[0].missed_by_os = 4000;
+  EXPECT_FALSE(verdict(run).starts_with("unstable")) << verdict(run);
 }
 
 TEST(Gates, AnAdmittanceDeviceThatItsProxyLeavesIsUnstable) {
