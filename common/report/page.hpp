@@ -46,8 +46,6 @@ struct TextTable {
 /// A list of names and what they are (already escaped).
 [[nodiscard]] std::string html_of(const std::vector<std::pair<std::string, std::string>>& facts);
 
-/// In each page: it may be replaced by another one.
-inline constexpr const char* kPageMark = "Written by Subworld";
 /// Throws `Error` (usage) where a page would replace a file that is none.
 void check_page(const std::string& path);
 

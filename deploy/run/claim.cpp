@@ -2,8 +2,8 @@
 
 #include "io/results/json.hpp"
 #include "io/results/output.hpp"
+#include "io/version.hpp"
 #include "model/error.hpp"
-#include "report/page.hpp"
 #include "watch/programs.hpp"
 
 #include <fcntl.h>
