@@ -269,6 +269,21 @@ TEST(Pages, HaveNoLongSentences) {
   EXPECT_GT(pages, 15U) << "the source folder is incomplete";
 }
 
+TEST(Pages, LinkToFilesThatExist) {
+  const std::filesystem::path root = SOURCE_FOLDER;
+  const std::regex link(R"(\]\(([^)#\s:]+)[)#])");  // no address with a scheme
+  std::size_t links = 0;
+  for (const auto& file : files()) {
+    if (file.extension() != ".md") continue;
+    const std::string text = text_of(file);
+    for (std::sregex_iterator found(text.begin(), text.end(), link), end; found != end; ++found, ++links) {
+      EXPECT_TRUE(std::filesystem::exists(file.parent_path() / (*found)[1].str()))
+          << file.lexically_relative(root).string() << ": " << (*found)[1];
+    }
+  }
+  EXPECT_GT(links, 100U);
+}
+
 /// The first pages that users read.
 TEST(Pages, OfTheEntryAreShort) {
   for (const auto& [page, most] : {std::pair{"README.md", 150}, std::pair{"CHANGELOG.md", 40}}) {
