@@ -29,6 +29,7 @@ class CommandCheck {
 
  private:
   [[nodiscard]] bool echoes(const DeviceCommand& command) const noexcept {
+    if (count_ > kKept && command.sequence < sent_[count_ % kKept].sequence) return true;  // after a halt: forgotten
     const auto end = sent_.begin() + static_cast<std::ptrdiff_t>(std::min(count_, kKept));
     return std::any_of(sent_.begin(), end, [&](const State& one) {
       return one.sequence == command.sequence && one.sent_ns == command.echoed_sent_ns;

@@ -28,7 +28,6 @@ const DriverPlugin* driver_of(const Options& options, Mode mode) {
 int main(int argc, char** argv) {
   return run_program(Program::device_sim, argc, argv, [](const Options& options, const Scene& scene) {
     const bool realtime = scene.settings.mode == Mode::realtime;
-
     const auto user = static_cast<std::size_t>(options.user);
     Scene limited = scene;
     const auto number = static_cast<std::uint32_t>(user);

@@ -36,7 +36,7 @@ struct UserOfRun {
 ///  * the loop waited longer for a core than it lost, typical wake-ups not counted;
 ///  * a program of the run could take that core: a rival of at least the loop's priority, or, for a loop without
 ///    real-time priority on cores that the run fills, any.
-/// Where the run has used up what its control group grants it, that is the cause.
+/// First of all, a control group whose share the run has used up is the cause.
 [[nodiscard]] Cause by_late_wake_ups(const char* who, const MachineShare& machine, double usual_late_s,
                                      std::uint64_t delayed, double steps, double lost_s, bool has_rivals,
                                      const RunResults& run);

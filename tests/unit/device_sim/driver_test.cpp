@@ -28,6 +28,22 @@ const DriverPlugin& faulty() {
   return driver_plugin("faulty");
 }
 
+// A sub-world that was halted for seconds answers a state from before the halt.
+TEST(CommandCheck, AcceptsTheAnswerToAStateThatItHasForgotten) {
+  CommandCheck check;
+  for (std::uint64_t n = 1; n <= 5000; ++n) check.sent(n, static_cast<std::int64_t>(n) * 1'000'000);
+  DeviceCommand command;
+  command.sequence = 100;
+  command.echoed_sent_ns = 100'000'000;
+  EXPECT_TRUE(check.possible(command));
+  command.sequence = 4990;
+  EXPECT_FALSE(check.possible(command)) << "this state was sent at another time";
+  command.echoed_sent_ns = 4'990'000'000;
+  EXPECT_TRUE(check.possible(command));
+  command.sequence = 100;
+  EXPECT_FALSE(check.possible(command)) << "older than the last one";
+}
+
 TEST(CommandCheck, AcceptsWhatAnswersAStateOfThisDeviceAndNothingElse) {
   CommandCheck check;
   const auto possible = [&](std::uint64_t sequence, std::int64_t echoed_ns) {
