@@ -270,6 +270,15 @@ TEST_P(Glides, over_tiles) {
   glide(tiles, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", true);
 }
 
+TEST_P(Glides, up_to_a_wall_beside_its_floor) {
+  run(fmt::format("  duration_s: 1\n{}", kAtOnce),
+      "  - {name: floor, shape: box, size_m: [2, 2, 0.1], fixed: true, material: m, position_m: [0, 0, -0.05]}\n"
+      "  - {name: wall, shape: box, size_m: [0.1, 2, 0.2], fixed: true, material: m, position_m: [0.15, 0, 0]}\n"
+      "  - {name: box, shape: box, size_m: [0.1, 0.1, 0.1], mass_kg: 1, material: m, position_m: [0, 0, 0.05], "
+      "velocity_m_s: [1, 0, 0]}\n");
+  EXPECT_LT(way("box").x(), 0.06) << "0.10 m without the wall";
+}
+
 /// Runs a tool of one user along its path; the force on the operator at each haptic step.
 class Tool : public Motion {
  protected:
