@@ -1,4 +1,5 @@
 #include "io/options/options.hpp"
+#include "io/version.hpp"
 #include "live/server.hpp"
 #include "model/error.hpp"
 #include "picture.hpp"
@@ -59,7 +60,7 @@ struct Display {
   }
   /// Throws `Error` (failed).
   void write_picture(const std::string& file) const {
-    write_png(file, draw({scene.bodies, scene.states, scene.meshes, users, {}, {}}).image);
+    write_png(file, draw({scene.bodies, scene.states, scene.meshes, users, {}, {}}).image, kOwnMark);
   }
 };
 

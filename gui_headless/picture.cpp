@@ -6,11 +6,16 @@
 
 #include <fmt/core.h>
 #include <png.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
+#include <string>
 #include <thread>
 
 namespace subworld {
@@ -259,6 +264,18 @@ Image render(const Figure& figure, PictureSize size) {
   return image;
 }
 
+/// Of a PNG: its length, type, content and checksum.
+std::string text_chunk(const char* keyword, const std::string& text) {
+  const auto number = [](auto value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift);
+    return bytes;
+  };
+  const std::string content = fmt::format("{}{}{}", keyword, '\0', text), chunk = "tEXt" + content;
+  const auto* const bytes = reinterpret_cast<const Bytef*>(chunk.data());
+  return number(content.size()) + chunk + number(crc32(0, bytes, static_cast<uInt>(chunk.size())));
+}
+
 }  // namespace
 
 Drawing draw(const Picture& picture, PictureSize size) {
@@ -270,7 +287,7 @@ Drawing draw(const Picture& picture, PictureSize size) {
   return {render(figure, size), figure.camera, figure.line_m_per_n_s, figure.omitted};
 }
 
-void write_png(const std::string& file, const Image& image) {
+void write_png(const std::string& file, const Image& image, const std::string& software) {
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   png.width = static_cast<png_uint_32>(image.width);
@@ -280,8 +297,16 @@ void write_png(const std::string& file, const Image& image) {
     throw Error(ExitCode::failed, fmt::format("{}: picture of {} x {} pixels with {} bytes: expected 3 bytes a pixel",
                                               file, image.width, image.height, image.rgb.size()));
   }
-  if (png_image_write_to_file(&png, file.c_str(), 0, image.rgb.data(), 0, nullptr) == 0)
+  std::string bytes(PNG_IMAGE_PNG_SIZE_MAX(png), '\0');
+  png_alloc_size_t size = bytes.size();
+  if (png_image_write_to_memory(&png, bytes.data(), &size, 0, image.rgb.data(), 0, nullptr) == 0)
     throw Error(ExitCode::failed, fmt::format("{}: cannot write the picture: {}", file, png.message));
+  bytes.resize(size);
+  constexpr std::size_t kHeader_bytes = 33;  // signature and IHDR
+  std::ofstream stream(file, std::ios::binary);
+  stream << bytes.insert(kHeader_bytes, text_chunk("Software", software));
+  if (!stream.flush())
+    throw Error(ExitCode::failed, fmt::format("{}: cannot write the picture: {}", file, std::strerror(errno)));
 }
 
 }  // namespace subworld

@@ -23,8 +23,9 @@ struct Image {
   }
 };
 
-/// Throws `Error` (failed) with the file's name and the reason, also if the image's size and its bytes disagree.
-void write_png(const std::string& file, const Image& image);
+/// `software` is in the file as the text of that keyword. Throws `Error` (failed) with the file's name and the reason,
+/// also if the image's size and its bytes disagree.
+void write_png(const std::string& file, const Image& image, const std::string& software);
 
 /// One moment of a scene. Bodies without a finite state are not drawn.
 struct Picture {

@@ -1,6 +1,7 @@
 #include "report/page.hpp"
 
 #include "io/results/json.hpp"
+#include "io/results/replacing.hpp"
 #include "io/version.hpp"
 #include "model/error.hpp"
 #include "report/look.hpp"
@@ -12,7 +13,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 
 namespace subworld {
 
@@ -89,10 +89,7 @@ std::string shown(double number, int digits) {
 
 void check_page(const std::string& path) {
   std::error_code none;
-  if (!std::filesystem::is_regular_file(path, none)) return;
-  std::ifstream page(path);
-  const std::string held{std::istreambuf_iterator<char>(page), {}};
-  if (held.empty() || held.find(kPageMark) != std::string::npos) return;
+  if (!std::filesystem::is_regular_file(path, none) || std::filesystem::is_empty(path, none) || has_mark(path)) return;
   throw Error(ExitCode::usage, fmt::format("{}: holds something else, which the page would replace; choose another "
                                            "name (--out), or remove it",
                                            path));
@@ -121,7 +118,7 @@ void Page::plots(const std::string* first, std::size_t count) {
 void Page::close() {
   std::ofstream file(path_);
   if (!file) throw Error(ExitCode::failed, fmt::format("{}: {}; choose another file", path_, std::strerror(errno)));
-  file << text_ << fmt::format("<p class=facts>{} {}.</p>\n", kPageMark, version_text()) << page_script()
+  file << text_ << fmt::format("<p class=facts>{} {}.</p>\n", kOwnMark, version_text()) << page_script()
        << "</body></html>\n";
   if (!file.flush()) throw Error(ExitCode::failed, fmt::format("{}: cannot write; is the disk full?", path_));
 }

@@ -19,7 +19,8 @@ constexpr double kQuietCores = 0.1;  ///< cores that other programs and the hype
 
 std::string load_text(const RunResults& run) {
   if (!run.load) return {};
-  return fmt::format("of {} cores the run used {:.2f}, other programs {:.2f}, the hypervisor {:.2f}", run.cores,
+  return fmt::format("of {} cores{} the run used {:.2f}, other programs {:.2f}, the hypervisor {:.2f}", run.cores,
+                     run.quota ? fmt::format(", of which {} grants {:.2g},", run.quota->file, run.quota->cores) : "",
                      run.load->own, run.load->other, run.load->stolen);
 }
 

@@ -101,9 +101,9 @@ void print_stages(const StageTimes& stages) {
 }
 
 void print_recording(const RecordingResult& recording) {
-  fmt::print("  recording: {}: {} of {} messages, {:.1f} MB; the recorder used {:.2f} s of CPU\n", recording.file,
+  fmt::print("  recording: {}: {} of {} messages, {:.1f} MB; the recorder used {:.2f} s of CPU{}{}\n", recording.file,
              grouped(recording.recorded), grouped(recording.sent), 1e-6 * static_cast<double>(recording.bytes),
-             recording.cpu_s);
+             recording.cpu_s, recording.fault.empty() ? "" : "; ", recording.fault);
 }
 
 /// How many states of bodies were recorded, and a warning of dropped ones.
@@ -243,6 +243,7 @@ void to_json(Json& json, const RunResults& run) {
   if (run.load) {
     json["machine_load"] = {
         {"own_cores", run.load->own}, {"other_cores", run.load->other}, {"stolen_cores", run.load->stolen}};
+    if (run.quota) json["machine_load"]["granted_cores"] = run.quota->cores;
   }
   if (!run.session.empty()) json["session"] = run.session;
   put(json, "link", run.link);

@@ -12,6 +12,9 @@ void add_options(CommandLine& line, ReplayRequest& request) {
   line.flag("--resimulate", request.resimulate,
             "run the recorded scene again with the recorded settings, and compare the state hashes; of a recording "
             "in lock-step");
+  line.add("--repair", &request.repair,
+           "file for a complete copy of a recording that has no end, because its recorder was killed")
+      .otherwise("none is written");
   line.flag("--publish", request.publish,
             "publish the recorded messages through DDS, in the place of the programs that were recorded");
   line.flag("--page", request.page, "the same, with a display that serves the page; prints the address");
@@ -31,6 +34,7 @@ void add_options(CommandLine& line, ReplayRequest& request) {
       "Examples:\n"
       "  subworld replay run.mcap\n"
       "  subworld replay run.mcap --resimulate\n"
+      "  subworld replay run.mcap --repair whole.mcap\n"
       "  subworld replay run.mcap --page --speed 0.5\n"
       "  subworld replay run.mcap --publish --paused --domain 100\n"
       "Without an option it prints what the file holds.\n"

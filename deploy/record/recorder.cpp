@@ -1,5 +1,6 @@
 #include "io/options/options.hpp"
 #include "io/results/output.hpp"
+#include "io/results/replacing.hpp"
 #include "record/recording.hpp"
 #include "tools.hpp"
 
@@ -13,6 +14,7 @@ using namespace subworld;
 /// Records the programs of this host until the input ends. The first line of its output has its process, and for each
 /// program the place of its messages.
 void record(const Options& options, bool display) {
+  check_replaced("--record", options.record, kRecordingBegin);
   const Scene scene = load_scene(options);
   MessageMemory memory(sizes_of_messages(scene, display, true),
                        {.recorded = true, .waits = scene.settings.mode == Mode::lockstep, .keeps_to_itself = true});

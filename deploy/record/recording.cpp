@@ -209,6 +209,7 @@ void RecordingFile::finish(const char* name, const std::string& json) {
 RecordingResult RecordingFile::result() const {
   RecordingResult result = result_;
   result.bytes = writer_.bytes();
+  if (writer_.keeps_earlier()) result.fault = "the run sent no message, so the file still holds the earlier recording";
   return result;
 }
 

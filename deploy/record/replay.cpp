@@ -3,6 +3,7 @@
 #include "io/records/mcap_reader.hpp"
 #include "io/results/json.hpp"
 #include "io/results/output.hpp"
+#include "io/results/replacing.hpp"
 #include "model/error.hpp"
 #include "model/settings/presence.hpp"
 #include "record/player.hpp"
@@ -225,6 +226,37 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
   return static_cast<int>(equal ? ExitCode::done : ExitCode::failed);
 }
 
+/// A copy with all that the file holds, with an end and, where the keeper of the run has written one, with its summary.
+int repair(const ReplayRequest& request, mcap::Reader& reader, Attachments attachments, const Recorded& recorded) {
+  if (reader.lacks().empty())
+    throw Error(ExitCode::usage, fmt::format("--repair: {} is whole; use it as it is", request.file));
+  std::error_code none;
+  if (std::filesystem::equivalent(request.repair, request.file, none))
+    throw Error(ExitCode::usage,
+                fmt::format("--repair {}: is the recording; name another file for the copy", request.repair));
+  check_replaced("--repair", request.repair, kRecordingBegin);
+  mcap::Writer copy(request.repair);
+  std::map<std::uint16_t, std::uint16_t> channels;
+  for (const auto& [id, topic] : reader.topics()) {
+    const mcap::Schema& schema = reader.schema_of(id);
+    channels[id] = copy.add_channel(copy.add_schema(schema.name, schema.encoding, schema.text), topic, "cdr");
+  }
+  if (recorded.summary.contains("verdict")) attachments.try_emplace(kSummaryAttachment, json_text(recorded.summary, 2));
+  for (const auto& [name, bytes] : attachments) {
+    const bool json = name.ends_with(".json");
+    copy.attach(name, json ? "application/json" : "application/octet-stream", bytes, reader.to_ns());
+  }
+  for (std::size_t i = 0; i < reader.chunks(); ++i) {
+    const mcap::Chunk chunk = reader.read_chunk(i);
+    for (const mcap::Message& one : chunk.messages)
+      copy.write(channels.at(one.channel), one.number, one.time_ns, one.data);
+  }
+  copy.finish();
+  fmt::print("repaired: {} has {} messages{}\n", request.repair, reader.messages(),
+             attachments.contains(kSummaryAttachment) ? " and the summary of the run" : ", and no summary");
+  return static_cast<int>(ExitCode::done);
+}
+
 }  // namespace
 
 int replay(const ReplayRequest& request) {
@@ -243,6 +275,7 @@ int replay(const ReplayRequest& request) {
   const auto or_none = [](const std::string& text) { return text.empty() ? "none" : text; };
   fmt::print("  state hash {}\n  verdict: {}\n", or_none(recorded.hash()),
              or_none(recorded.summary.value("verdict", std::string())));
+  if (!request.repair.empty()) return repair(request, reader, attachments, recorded);
   if (request.publish || request.page || request.live.port) return publish(request, reader, attachments, recorded);
   return request.resimulate ? resimulate(request, attachments, recorded) : static_cast<int>(ExitCode::done);
 }

@@ -14,6 +14,7 @@ inline constexpr double kLeastReplaySpeed = 1e-3, kMostReplaySpeed = 1e3;
 struct ReplayRequest {
   std::string file;
   std::string out;          ///< folder for the results of a re-simulation; empty: a new out/replay-TIME
+  std::string repair;       ///< file for a complete copy of a recording without an end
   bool resimulate = false;  ///< run the recorded scene again and compare the state hashes
   bool publish = false;     ///< publish the recorded messages
   bool page = false;        ///< the same, with a display that serves the page
@@ -25,8 +26,9 @@ struct ReplayRequest {
   bool paused = false;
 };
 
-/// Prints what a recording holds; on request publishes it, or runs it again. Returns the exit code: failed where the
-/// hashes differ. Throws `Error` (usage) for a file that is no recording, or one of a run that does not repeat.
+/// Prints what a recording holds; on request repairs it, publishes it, or runs it again. Returns the exit code: failed
+/// where the hashes differ. Throws `Error` (usage) for a file that is no recording, or one of a run that does not
+/// repeat.
 int replay(const ReplayRequest& request);
 
 }  // namespace subworld

@@ -157,7 +157,9 @@ std::string hosts_of(const Json& summary) {
 std::string load_of(const Json& summary) {
   const double own = number_at(summary, "machine_load/own_cores");
   if (!std::isfinite(own)) return "";
-  return fmt::format("{} by the run, {} by other programs, {} by other virtual machines", digits_of(own, 3),
+  const double granted = number_at(summary, "machine_load/granted_cores");
+  return fmt::format("{} by the run{}, {} by other programs, {} by other virtual machines", digits_of(own, 3),
+                     std::isfinite(granted) ? fmt::format(" (its control group grants {})", digits_of(granted, 3)) : "",
                      digits_of(number_at(summary, "machine_load/other_cores"), 3),
                      digits_of(number_at(summary, "machine_load/stolen_cores"), 3));
 }

@@ -1,8 +1,7 @@
 #include "run/claim.hpp"
 
-#include "io/results/json.hpp"
 #include "io/results/output.hpp"
-#include "io/version.hpp"
+#include "io/results/replacing.hpp"
 #include "model/error.hpp"
 #include "watch/programs.hpp"
 
@@ -20,9 +19,6 @@
 #include <cstring>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <string_view>
 #include <vector>
 
 namespace subworld {
@@ -34,48 +30,21 @@ namespace {
 constexpr int kFirstDomain = 60;
 constexpr int kLastDomain = 100;
 
-/// Whether `subworld report` has made this page.
-bool is_report(const std::filesystem::path& file) {
-  if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(file))) return false;
-  std::ifstream page(file);
-  const std::string text{std::istreambuf_iterator<char>(page), {}};
-  return text.find(kPageMark) != std::string::npos;
-}
-
-/// Whether a run, or a program that was started by hand, has made this file with a name of ours.
-bool is_result(const std::filesystem::path& file) {
-  if (file.extension() == ".part" || std::filesystem::file_size(file) == 0) return true;
-  if (file.extension() == ".png") return std::filesystem::exists(file.parent_path() / "logs/gui_headless.log");
-  const auto begins_with = [&](std::string_view text) {
-    std::string begin(text.size(), '\0');
-    std::ifstream(file).read(begin.data(), static_cast<std::streamsize>(begin.size()));
-    return begin == text;
-  };
-  if (file.extension() == ".csv") return begins_with("time_s,");
-  if (file.extension() == ".checkpoint") return begins_with("SUBWORLDCHECKPNT");
-  try {
-    const Json json = read_json(file);
-    return json.is_object() && (json.contains("ending") || json.contains("verdict"));
-  } catch (const Error&) {
-    return false;
-  }
-}
-
 }  // namespace
 
 Claim::~Claim() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
-bool Claim::take_file(const std::string& name) {
+int Claim::take_file(const std::string& name) {
   const auto path = temporary_folder() + "/" + name + ".lock";
   // A lock needs no right to write. The file may be another user's, and the kernel then refuses to open it with
   // O_CREAT in a shared folder (fs.protected_regular).
   const int error = lock(path.c_str(), O_RDONLY);
-  if (error != ENOENT) return error == 0;
+  if (error != ENOENT) return error;
   const int created = lock(path.c_str(), O_RDONLY | O_CREAT);
   if (descriptor_ >= 0) fchmod(descriptor_, 0644);  // for the runs of other users, also under a umask of 077
-  return created == 0;
+  return created;
 }
 
 bool Claim::take_folder(const std::string& folder) {
@@ -124,19 +93,8 @@ int claim_domain(int wanted, Claim& claim) {
 }
 
 void check_outputs(const Options& options) {
-  const auto check = [](const char* flag, const std::string& path, std::string_view begin) {
-    std::error_code none;
-    if (path.empty() || !std::filesystem::is_regular_file(path, none) || std::filesystem::file_size(path, none) == 0)
-      return;
-    std::string held(begin.size(), '\0');
-    std::ifstream(path, std::ios::binary).read(held.data(), static_cast<std::streamsize>(held.size()));
-    if (held != begin)
-      throw Error(ExitCode::usage, fmt::format("{} {}: the file holds something else, which the run would replace; "
-                                               "choose another name, or remove it",
-                                               flag, path));
-  };
-  check("--record", options.record, "\x89MCAP");
-  check("--trace", options.trace, "[");
+  check_replaced("--record", options.record, kRecordingBegin);
+  check_replaced("--trace", options.trace, "[");
 }
 
 void claim_folder(std::string& folder, const std::string& scene, Claim& claim) {
@@ -161,15 +119,12 @@ void claim_folder(std::string& folder, const std::string& scene, Claim& claim) {
     if (!entry.is_symlink() && fnmatch(kOurs, entry.path().filename().c_str(), FNM_EXTMATCH) == 0)
       old.push_back(entry.path());
   }
-  for (const std::filesystem::path& file : old) {
-    if (is_result(file)) continue;
-    throw Error(ExitCode::usage, fmt::format("--out {}: holds {}, which no run has made and this one would replace; "
-                                             "move it, or choose another folder",
-                                             folder, file.filename().string()));
-  }
+  check_results(folder, old);
   make_folder(folder + "/logs");
   for (const std::filesystem::path& file : old) std::filesystem::remove(file);
-  if (const std::filesystem::path page = folder + "/report.html"; is_report(page)) std::filesystem::remove(page);
+  const std::filesystem::path page = folder + "/report.html";
+  if (std::filesystem::is_regular_file(std::filesystem::symlink_status(page)) && has_mark(page))
+    std::filesystem::remove(page);
   for (const auto& entry : std::filesystem::directory_iterator(folder + "/logs")) {
     const std::string name = entry.path().filename();
     if (name.ends_with(".log") || (name.starts_with("last_") && name.ends_with(".csv")))

@@ -14,8 +14,8 @@ class Claim {
   Claim(const Claim&) = delete;
   Claim& operator=(const Claim&) = delete;
 
-  /// False where another run holds it, or its file cannot be opened.
-  bool take_file(const std::string& name);
+  /// 0, EWOULDBLOCK where another run holds it, or why its file cannot be opened.
+  [[nodiscard]] int take_file(const std::string& name);
   /// False where another run holds this folder. A file system without locks refuses none.
   bool take_folder(const std::string& folder);
   /// 0, EADDRINUSE where another process of this network namespace has it, or another error number.

@@ -1,6 +1,7 @@
 #include "run/run.hpp"
 
 #include "io/records/trace.hpp"
+#include "io/results/output.hpp"
 #include "judge/ends.hpp"
 #include "judge/report.hpp"
 #include "link/network.hpp"
@@ -20,8 +21,11 @@
 #include "wire/plugin.hpp"
 
 #include <fmt/core.h>
+#include <sys/resource.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -32,6 +36,8 @@ namespace subworld {
 namespace {
 
 constexpr std::size_t kSummary_bytes = 1 << 16, kUser_bytes = 1 << 14;  // at most, about
+
+constexpr const char* kCoresLock = "subworld-cores";
 
 std::string viewers_text(const LiveOptions& live) {
   if (*live.port == 0) return "logs/gui_headless.log has the address";
@@ -83,7 +89,10 @@ class Run {
   void claim() {
     Options& options = request_.options;
     check_outputs(options);
-    if (!session_.has_file()) session_.domain = claim_domain(request_.domain, domain_claim_);
+    // Network namespaces have ports of their own, and hosts that are started one by one share the domain.
+    const auto distant = [&](const SessionHost& host) { return plan_.is_distant(host); };
+    if (!request_.namespaces && request_.host.empty() && !std::ranges::all_of(session_.hosts, distant))
+      session_.domain = claim_domain(session_.domain, domain_claim_);
     claim_folder(options.out, session_.name, folder_claim_);
     std::filesystem::remove_all(out() + "/hosts");
     if (request_.host.empty())
@@ -155,8 +164,13 @@ class Run {
     share_cores(request_.options, run_.scene);
     calibration_ = measure_machine(run_.scene.settings);
     // Of several runs at a time only the first is placed: two worlds must not share one core.
-    if (request_.place && cores_claim_.take_file("subworld-cores"))
-      plan_.placement = run_.placement = place(run_.scene, allowed_cores());
+    const int error = request_.place ? cores_claim_.take_file(kCoresLock) : EWOULDBLOCK;
+    if (error == 0) plan_.placement = run_.placement = place(run_.scene, allowed_cores());
+    if (error != 0 && error != EWOULDBLOCK)
+      fmt::print(
+          "subworld: warning: the programs get no cores of their own: {}/{}.lock: {}; set TMPDIR to a folder of "
+          "your own\n",
+          temporary_folder(), kCoresLock, std::strerror(error));
   }
 
   [[nodiscard]] ProgramReports reports() {
@@ -288,11 +302,20 @@ class Run {
   MachineUse use_;
 };
 
+/// Throws `Error` (failed) where the limit of the shell is too low for any run. Its libraries would fail by a signal.
+void check_memory() {
+  constexpr rlim_t kLeast = 200U << 20U;
+  rlimit limit{};
+  if (getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur < kLeast)
+    throw Error(ExitCode::failed, "there is too little memory" + memory_limit_text());
+}
+
 }  // namespace
 
 int run(const RunRequest& request) {
   end_at_stop_signals();
   raise_open_files();
+  check_memory();
   if (const auto ignored = wire::ignore_variables(); !ignored.empty())
     fmt::print("subworld: ignored: {}; the programs find each other by --peers, or by the settings of --qos\n",
                joined(ignored, ", "));

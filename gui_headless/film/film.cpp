@@ -1,6 +1,8 @@
 #include "io/options/options.hpp"
 #include "io/records/mcap_reader.hpp"
+#include "io/results/replacing.hpp"
 #include "io/results/results.hpp"
+#include "io/version.hpp"
 #include "model/error.hpp"
 #include "model/messages/exchange.hpp"
 #include "picture.hpp"
@@ -177,6 +179,7 @@ std::string encode(const Request& request, std::size_t pictures) {
                                  "-frames:v",  std::to_string(pictures),
                                  "-pix_fmt",   "yuv420p",
                                  "-vf",        "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+                                 "-metadata",  fmt::format("comment={}", kOwnMark),
                                  video};
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
@@ -196,10 +199,13 @@ int make_film(const Request& request) {
   const double to_s = std::clamp(request.to_s.value_or(world.to_s()), world.from_s(), world.to_s());
   if (to_s < from_s) throw Error(ExitCode::usage, fmt::format("--to {} is before --from {}", to_s, from_s));
   std::optional<Camera> camera = camera_of(request);
-  make_folder(request.out);
   std::optional<double> line_m_per_n_s;
   const double interval_s = request.speed / request.rate_hz;
   const auto frames = static_cast<std::size_t>(std::floor((to_s - from_s) / interval_s + 1e-9)) + 1;
+  make_folder(request.out);
+  std::vector<std::filesystem::path> files{request.out + "/film.mp4"};
+  for (std::size_t i = 0; i < frames; ++i) files.emplace_back(fmt::format("{}/frame_{:06d}.png", request.out, i));
+  check_results(request.out, files);
   for (std::size_t i = 0; i < frames; ++i) {
     world.show(from_s + static_cast<double>(i) * interval_s);
     const Drawing drawing = draw({.bodies = world.scene().bodies,
@@ -211,7 +217,7 @@ int make_film(const Request& request) {
                                  request.size);
     camera = drawing.camera;
     if (drawing.line_m_per_n_s > 0.0) line_m_per_n_s = drawing.line_m_per_n_s;
-    write_png(fmt::format("{}/frame_{:06d}.png", request.out, i), drawing.image);
+    write_png(files[i + 1], drawing.image, kOwnMark);
   }
   fmt::print("film: {} pictures of t = {:.3f} to {:.3f} s in {}/frame_*.png\n", frames, from_s,
              from_s + static_cast<double>(frames - 1) * interval_s, request.out);

@@ -1,6 +1,5 @@
 #include "io/records/mcap_reader.hpp"
 
-#include "io/records/mcap_writer.hpp"
 #include "model/error.hpp"
 
 #include <fcntl.h>
@@ -46,12 +45,6 @@ std::uint32_t crc_of(std::span<const std::uint8_t> bytes) {
   return static_cast<std::uint32_t>(crc32_z(0, bytes.data(), bytes.size()));
 }
 
-std::pair<std::uint16_t, std::string> channel_of(Cursor record) {
-  const auto id = record.number<std::uint16_t>();
-  (void)record.number<std::uint16_t>();  // schema
-  return {id, record.text()};
-}
-
 /// Whether a `Writer` has the file open.
 bool is_being_written(const std::string& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
@@ -87,6 +80,18 @@ Reader::Reader(const std::string& path) : path_(path), file_(path, std::ios::bin
   }
 }
 
+void Reader::keep(Op op, std::span<const std::uint8_t> content) {
+  Cursor record(content);
+  const auto id = record.number<std::uint16_t>();
+  if (op == Op::schema) {
+    Schema& schema = schemas_[id];
+    for (std::string* part : {&schema.name, &schema.encoding, &schema.text}) *part = record.text();
+  } else if (op == Op::channel) {
+    schema_ids_[id] = record.number<std::uint16_t>();
+    topics_[id] = record.text();
+  }
+}
+
 void Reader::read_summary() {
   const auto end = read(size_ - kEnd, kEnd);
   Cursor footer{std::span<const std::uint8_t>(end).subspan(kRecordHead)};
@@ -98,13 +103,13 @@ void Reader::read_summary() {
   if (crc_of(bytes) != crc) fail("the checksum of its summary is wrong");
   for (Cursor records(bytes); !records.empty();) {
     const auto op = static_cast<Op>(records.number<std::uint8_t>());
-    Cursor record(records.raw(records.number<std::uint64_t>()));
+    const auto content = records.raw(records.number<std::uint64_t>());
+    Cursor record(content);
+    keep(op, content);
     if (op == Op::attachment_index) {
       Place& place = attachments_.emplace_back();
       place.start = record.number<std::uint64_t>();
       place.length = record.number<std::uint64_t>();
-    } else if (op == Op::channel) {
-      topics_.insert(channel_of(record));
     } else if (op == Op::chunk_index) {
       (void)record.number<std::uint64_t>();
       ChunkPlace& place = chunks_.emplace_back();
@@ -133,7 +138,7 @@ void Reader::scan() {
     const Place place{at, kRecordHead + length};
     at += place.length;
     if (op == Op::attachment) attachments_.push_back(place);
-    if (op == Op::channel) topics_.insert(channel_of(Cursor(read(place.start + kRecordHead, length))));
+    if (op == Op::schema || op == Op::channel) keep(op, read(place.start + kRecordHead, length));
     if (op != Op::chunk) continue;
     chunks_.push_back({place, 0});
     const Chunk chunk = read_chunk(chunks_.size() - 1);

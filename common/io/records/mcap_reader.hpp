@@ -1,5 +1,7 @@
 #pragma once
 
+#include "io/records/mcap_writer.hpp"
+
 #include <cstddef>
 #include <cstdint>
 #include <fstream>
@@ -25,6 +27,10 @@ struct Chunk {
   std::vector<Message> messages;
 };
 
+struct Schema {
+  std::string name, encoding, text;
+};
+
 /// Reads files as `Writer` makes them, through their summary; those without an end up to their last whole record.
 class Reader {
  public:
@@ -38,6 +44,8 @@ class Reader {
   [[nodiscard]] std::map<std::string, std::string> attachments();
   /// Topics by channel.
   [[nodiscard]] const std::map<std::uint16_t, std::string>& topics() const noexcept { return topics_; }
+  /// Of the messages of a channel in `topics()`.
+  [[nodiscard]] const Schema& schema_of(std::uint16_t channel) const { return schemas_.at(schema_ids_.at(channel)); }
   [[nodiscard]] std::size_t chunks() const noexcept { return chunks_.size(); }
   /// The first chunk that has messages at or after a time; `chunks()` if none has.
   [[nodiscard]] std::size_t chunk_at(std::uint64_t time_ns) const noexcept;
@@ -58,6 +66,8 @@ class Reader {
   };
   void read_summary();
   void scan();
+  /// A schema or a channel.
+  void keep(Op op, std::span<const std::uint8_t> content);
   std::vector<std::uint8_t> read(std::uint64_t start, std::uint64_t length);
   [[noreturn]] void fail(const std::string& why) const;
 
@@ -70,6 +80,8 @@ class Reader {
   std::vector<Place> attachments_;
   std::vector<ChunkPlace> chunks_;
   std::map<std::uint16_t, std::string> topics_;
+  std::map<std::uint16_t, Schema> schemas_;
+  std::map<std::uint16_t, std::uint16_t> schema_ids_;  // by channel
   std::uint64_t messages_ = 0, from_ns_ = 0, to_ns_ = 0;
   std::string lacks_;
 };

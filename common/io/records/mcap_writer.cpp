@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -39,7 +40,8 @@ Writer::Writer(const std::string& path) : path_(path), file_(open(path.c_str(), 
     throw Error(ExitCode::usage,
                 fmt::format("{}: another run records into this file; choose another one with --record", path));
   }
-  [[maybe_unused]] const int pipes_cannot = ftruncate(file_, 0);
+  struct stat earlier {};
+  keeps_earlier_ = fstat(file_, &earlier) == 0 && S_ISREG(earlier.st_mode) && earlier.st_size > 0;
   put(kMagic);
   Bytes header;
   header.text("");
@@ -54,6 +56,11 @@ Writer::~Writer() {
 void Writer::put(std::span<const std::uint8_t> bytes) {
   crc_ = crc_of(crc_, bytes);
   written_ += bytes.size();
+  if (keeps_earlier_) return held_.raw(bytes);
+  write_out(bytes);
+}
+
+void Writer::write_out(std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const ssize_t count = ::write(file_, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
@@ -120,6 +127,11 @@ std::uint64_t Writer::unwritten() const noexcept {
 
 void Writer::flush() {
   if (chunk_.size() == 0) return;
+  if (std::exchange(keeps_earlier_, false)) {
+    if (ftruncate(file_, 0) != 0) throw Error(ExitCode::failed, fmt::format("{}: {}", path_, std::strerror(errno)));
+    write_out(held_.all());
+    held_.clear();
+  }
   const std::uint64_t start = written_;
   const auto size = static_cast<std::uint64_t>(chunk_.size());
   Bytes head;
@@ -202,6 +214,7 @@ std::pair<std::uint64_t, std::uint64_t> Writer::put_group(const std::vector<Byte
 
 void Writer::finish() {
   flush();
+  if (keeps_earlier_) return;
   Bytes end;
   end.number(crc_);
   put_record(Op::data_end, end);

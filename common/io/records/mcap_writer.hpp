@@ -54,7 +54,8 @@ inline constexpr std::array<std::uint8_t, 8> kMagic{0x89, 'M', 'C', 'A', 'P', '0
 /// and a summary. All checksums are CRC-32. One thread.
 class Writer {
  public:
-  /// Throws `Error` (failed), as all functions here do, where the file cannot be written.
+  /// A file that holds something keeps it until the first messages are written. Throws `Error` (failed), as all
+  /// functions here do, where the file cannot be written.
   explicit Writer(const std::string& path);
   /// Closes a file that has no summary where finish() was not called.
   ~Writer();
@@ -67,8 +68,9 @@ class Writer {
   /// Ends the chunk, so that a reader of the unfinished file has all messages.
   void flush();
   void attach(const std::string& name, const std::string& media_type, std::string_view data, std::uint64_t time_ns);
-  /// Writes the summary and closes the file.
+  /// Writes the summary and closes the file. Without messages an earlier content stays.
   void finish();
+  [[nodiscard]] bool keeps_earlier() const noexcept { return keeps_earlier_; }
 
   /// Messages that are not in the file yet.
   [[nodiscard]] std::uint64_t unwritten() const noexcept;
@@ -76,11 +78,14 @@ class Writer {
 
  private:
   void put(std::span<const std::uint8_t> bytes);
+  void write_out(std::span<const std::uint8_t> bytes);
   void put_record(Op op, const Bytes& content);
   std::pair<std::uint64_t, std::uint64_t> put_group(const std::vector<Bytes>& records, Op op);
 
   std::string path_;
   int file_ = -1;
+  bool keeps_earlier_ = false;
+  Bytes held_;  // to be written in the place of the earlier content
   std::uint64_t written_ = 0;
   std::uint32_t crc_ = 0;  // of all that was written, later of the summary
   std::vector<Bytes> schemas_, channels_, chunk_indexes_, attachment_indexes_;

@@ -10,8 +10,11 @@
 #include <array>
 #include <cctype>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <map>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 
 namespace subworld {
@@ -71,6 +74,18 @@ void check_digits(const Mesh& mesh) {
                   far_m, error_m, extent_m));
 }
 
+/// Of the formats that are text, the importer takes a byte-order mark for a part of the first word.
+const aiScene* import(Assimp::Importer& importer, const std::string& file) {
+  constexpr unsigned kSteps = aiProcess_Triangulate | aiProcess_PreTransformVertices;
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  std::ifstream stream(file, std::ios::binary);
+  std::string begin(kMark.size(), '\0');
+  stream.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  if (begin != kMark || tells_up_axis(file)) return importer.ReadFile(file, kSteps);
+  const std::string rest{std::istreambuf_iterator<char>(stream), {}};
+  return importer.ReadFileFromMemory(rest.data(), rest.size(), kSteps, file.substr(file.rfind('.') + 1).c_str());
+}
+
 }  // namespace
 
 bool tells_up_axis(const std::string& file) {
@@ -88,7 +103,7 @@ Mesh read_mesh(const std::string& file, double scale, bool y_up) {
     throw std::runtime_error(fmt::format("is larger than {} MB; simplify it", kLargestMeshFile >> 20U));
   }
   Assimp::Importer importer;
-  const aiScene* scene = importer.ReadFile(file, aiProcess_Triangulate | aiProcess_PreTransformVertices);
+  const aiScene* scene = import(importer, file);
   if (scene == nullptr) {
     throw std::runtime_error(
         fmt::format("cannot be read as a mesh: {}; export it as STL or OBJ", importer.GetErrorString()));

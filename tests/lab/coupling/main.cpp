@@ -4,6 +4,7 @@
 #include "io/options/options.hpp"
 #include "io/options/scene_name.hpp"
 #include "io/results/json.hpp"
+#include "io/results/replacing.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/coupling/measure.hpp"
 #include "lab/coupling/mutual.hpp"
@@ -280,9 +281,10 @@ int run_lab(int argc, char** argv) {
     if (point.ratio == request.sweep.ratios.front()) (void)scene_of(point);
   }
   const std::string& out = request.out;
+  open_results("coupling", out);
   make_folder(out + "/traces");
   for (const auto& old : std::filesystem::directory_iterator(out + "/traces")) {
-    if (old.path().extension() == ".csv") std::filesystem::remove(old.path());
+    if (old.path().extension() == ".csv" && is_result(old.path())) std::filesystem::remove(old.path());
   }
   watch_stop_signals();
   fmt::print("subworld lab coupling: {} points, results in {}\n", points.size(), out);

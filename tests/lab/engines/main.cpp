@@ -153,6 +153,7 @@ int run_lab(int argc, char** argv) {
   if (const auto code = parse(argc, argv, request)) return *code;
   const EnginePlan plan = plan_of(request);
   const std::string& out = request.out;
+  open_results("engines", out);
   make_folder(out + "/histories");
   if (request.states) make_folder(out + "/states");
   watch_stop_signals();

@@ -185,7 +185,7 @@ int run_lab(int argc, char** argv) {
   if (const auto code = parse(argc, argv, request)) return *code;
   LatencyFindings found{.questions = questions_of(request), .answers = {}, .summary = {}};
   if (request.emulated) require_link_rights();
-  make_folder(request.out);
+  open_results("latency", request.out);
   watch_stop_signals();
   fmt::print("subworld lab latency: {} searches, results in {}\n", found.questions.size(), request.out);
   std::fflush(stdout);

@@ -211,7 +211,7 @@ int run_lab(int argc, char** argv) {
   if (const auto code = parse(argc, argv, request)) return *code;
   const NetworkPlan plan = plan_of(request);
   const std::vector<Requirement> requirements = requirements_of(request);
-  make_folder(request.out);
+  open_results("network", request.out);
   watch_stop_signals();
   const NetworkRows rows = measure_all(plan, request);
   const Verdict verdict = judge(rows, requirements);

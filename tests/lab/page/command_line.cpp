@@ -3,6 +3,7 @@
 #include "io/options/scene_name.hpp"
 #include "io/results/json.hpp"
 #include "io/results/output.hpp"
+#include "io/results/replacing.hpp"
 #include "model/error.hpp"
 #include "report/page.hpp"
 #include "rt/stop.hpp"
@@ -11,6 +12,7 @@
 
 #include <cstring>
 #include <ctime>
+#include <filesystem>
 #include <string_view>
 
 namespace subworld {
@@ -40,6 +42,22 @@ Option add_duration(CommandLine& line, std::optional<double>& duration_s) {
 
 std::string default_out(const std::string& lab) {
   return fmt::format("out/lab_{}-{}", lab, local_time("%Y%m%d-%H%M%S"));
+}
+
+void open_results(const std::string& lab, const std::string& out) {
+  namespace fs = std::filesystem;
+  make_folder(out);
+  const fs::path summary = out + "/summary.json";
+  // The tables look like those of other programs. They are ours where the summary is.
+  const bool ours = fs::exists(summary) && is_result(summary);
+  std::vector<fs::path> files{summary, out + "/report.html"};
+  for (const char* table : {"results", "bodies", "felt", "random", "users"}) {
+    for (const char* kind : {".json", ".csv"}) {
+      if (!ours) files.emplace_back(fmt::format("{}/{}{}", out, table, kind));
+    }
+  }
+  check_results(out, files);
+  if (!fs::exists(summary)) write_json(summary, {{"lab", lab}, {"verdict", "the lab has not ended"}});
 }
 
 Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned) {

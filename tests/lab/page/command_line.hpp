@@ -23,6 +23,10 @@ Option add_duration(CommandLine& line, std::optional<double>& duration_s);
 /// out/lab_NAME-TIME
 [[nodiscard]] std::string default_out(const std::string& lab);
 
+/// Makes the folder of the results, and names the lab in its summary.json if there is none. Throws `Error` (usage)
+/// where the lab would replace a file that no program of ours has made, before it replaces any.
+void open_results(const std::string& lab, const std::string& out);
+
 /// Beginning of a summary: lab, date, points, machine.
 [[nodiscard]] Json begin_summary(const std::string& lab, std::size_t points, std::size_t planned);
 /// "; stopped after 3 of 9 points", or empty.

@@ -158,7 +158,7 @@ int run_lab(int argc, char** argv) {
   Request request;
   if (const auto code = parse(argc, argv, request)) return *code;
   const std::vector<PlanPoint> points = points_of(request);
-  make_folder(request.out);
+  open_results("plan", request.out);
   watch_stop_signals();
   fmt::print("subworld lab plan: {} comparisons, results in {}\n", points.size(), request.out);
   std::fflush(stdout);

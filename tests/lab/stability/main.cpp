@@ -119,7 +119,7 @@ int run_lab(int argc, char** argv) {
   Command command;
   if (const auto code = parse(argc, argv, command)) return *code;
   const std::vector<StabilityPoint> points = command.cases ? points_of(command.request) : std::vector<StabilityPoint>{};
-  make_folder(command.out);
+  open_results("stability", command.out);
   watch_stop_signals();
   fmt::print("subworld lab stability: {} measurements{}, results in {}\n", points.size(),
              command.random.scenes > 0 ? " and random scenes" : "", command.out);

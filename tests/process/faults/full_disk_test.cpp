@@ -120,9 +120,13 @@ TEST_F(RunEnds, LimitsOfTheShellAreNamed) {
   const Ended small = under("ulimit -f 4");
   EXPECT_EQ(small.code, 1);
   EXPECT_NE(small.err.find("File too large"), std::string::npos) << small.err;
-  const Ended narrow = under("ulimit -v 100000");
-  EXPECT_EQ(narrow.code, 1);
-  EXPECT_NE((narrow.out + narrow.err).find("100000 kB of memory here"), std::string::npos) << narrow.err;
+  for (const std::string kilobytes : {"60000", "80000", "100000"}) {
+    const Ended narrow = under("ulimit -v " + kilobytes);
+    EXPECT_EQ(narrow.code, 1);
+    EXPECT_NE(narrow.err.find("too little memory; a process may use " + kilobytes + " kB"), std::string::npos)
+        << narrow.err;
+    EXPECT_EQ(std::ranges::count(narrow.err, '\n'), 1) << narrow.err;
+  }
 }
 
 TEST_F(RunEnds, ATableThatNoRunHasMadeIsNotReplaced) {
@@ -130,7 +134,7 @@ TEST_F(RunEnds, ATableThatNoRunHasMadeIsNotReplaced) {
   std::ofstream(out() + "/world.csv") << "country,city\n";
   const Ended refused = run(scene("press"), {"--duration", "0.1"});
   EXPECT_EQ(refused.code, 2);
-  EXPECT_NE(refused.err.find("world.csv, which no run has made"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("world.csv, which Subworld has not made"), std::string::npos) << refused.err;
   EXPECT_EQ(read_text(out() + "/world.csv"), "country,city\n");
   std::filesystem::remove(out() + "/world.csv");
   for (int time = 0; time < 2; ++time) EXPECT_EQ(run(scene("press"), {"--duration", "0.1", "--gui"}).code, 0);
@@ -158,6 +162,13 @@ TEST_F(RunEnds, ADomainOfAnotherUserIsRefusedAndTheNextIsFree) {
       << refused.err;
   const Ended next = finish(by_nobody({"--out", out() + "/next"}));
   EXPECT_EQ(next.code, 0) << next.err;
+  std::ofstream(folder_.path() + "/subworld-cores.lock").close();
+  std::filesystem::permissions(folder_.path() + "/subworld-cores.lock", std::filesystem::perms::owner_all);
+  const Ended unplaced = finish(by_nobody({"--mode", "realtime", "--out", out() + "/unplaced"}),
+                                {{"TMPDIR", folder_.path()}, {"SUBWORLD_PLACEMENT", "auto"}});
+  EXPECT_NE(unplaced.out.find("get no cores of their own: " + folder_.path() + "/subworld-cores.lock: Permission"),
+            std::string::npos)
+      << unplaced.out;
   first.signal(SIGTERM);
   EXPECT_EQ(first.wait(), 0);
 }

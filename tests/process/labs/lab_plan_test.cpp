@@ -1,6 +1,8 @@
 #include "process/labs/lab_test.hpp"
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
 
 namespace subworld::test {
 namespace {
@@ -57,6 +59,19 @@ TEST_F(PlanLab, RefusesWhatItDoesNotKnow) {
   expect_refused({{{"press", "--item", "rst"}, {"rst", "did you mean rest"}},
                   {{"presse"}, {"presse", "press"}},
                   {{"press", "--repeat", "0"}, {"--repeat"}}});
+}
+
+TEST_F(PlanLab, ATableOfSomeoneElseIsNotReplaced) {
+  std::filesystem::create_directories(out());
+  const std::string table = out() + "/results.json", theirs = "[{\"scene\": \"mine\"}]";
+  std::ofstream(table) << theirs;
+  expect_refused({{{"press", "--item", "rest"}, {"results.json, which Subworld has not made"}}});
+  EXPECT_EQ(read_text(table), theirs);
+  std::filesystem::remove(table);
+  for (int time = 0; time < 2; ++time) {
+    const Ended ended = finish(lab_words({"press", "--item", "rest", "--repeat", "2", "--out", out()}));
+    EXPECT_EQ(ended.code, 0) << ended.err;
+  }
 }
 
 TEST_F(PlanLab, AnInterruptKeepsWhatWasMeasured) {

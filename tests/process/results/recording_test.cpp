@@ -15,10 +15,11 @@ class Recording : public ProcessTest {
     return flags;
   }
   /// What the public reader found; null where its packages could not be fetched.
-  [[nodiscard]] Json read_all() const {
+  [[nodiscard]] Json read_all() const { return read_all(file()); }
+  [[nodiscard]] Json read_all(const std::string& file) const {
     const std::string folder = MCAP_CLIENT_FOLDER;
     if (!std::filesystem::exists(folder + "/stamp")) return {};
-    Process reader({"/usr/bin/env", "node", folder + "/read_all.mjs", file()}, folder_.path());
+    Process reader({"/usr/bin/env", "node", folder + "/read_all.mjs", file}, folder_.path());
     EXPECT_EQ(reader.wait().value_or(-1), 0) << reader.err();
     return Json::parse(reader.out(), nullptr, false);
   }
@@ -243,6 +244,13 @@ TEST_F(Recording, BecomesAFilm) {
   EXPECT_NE(ended.out.find("9 pictures of t = 0.400 to 0.600 s"), std::string::npos) << ended.out;
   EXPECT_TRUE(std::filesystem::exists(film + "/frame_000008.png"));
   EXPECT_NE(read_text(film + "/frame_000000.png"), read_text(film + "/frame_000008.png")) << "nothing moves";
+  const auto again = [&] { return finish({program("subworld"), "film", file(), "--to", "0", "--out", film}); };
+  EXPECT_EQ(again().code, 0) << "pictures of a film are replaced";
+  std::ofstream(film + "/frame_000000.png") << "mine";
+  const Ended refused = again();
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("frame_000000.png, which Subworld has not made"), std::string::npos) << refused.err;
+  EXPECT_EQ(read_text(film + "/frame_000000.png"), "mine");
   const Ended wrong = finish({program("subworld"), "film", file(), "--eye", "1,2", "--out", film});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_NE(wrong.err.find("three numbers"), std::string::npos) << wrong.err;
@@ -268,6 +276,17 @@ TEST_F(Recording, WithoutAnEndIsReadAsFarAsItGoes) {
   EXPECT_EQ(replayed({}, "recorder was killed"), 0);
   EXPECT_EQ(replayed({}, "verdict: failed: the launcher was killed"), 0);
   EXPECT_EQ(replayed({"--publish", "--speed", "1000", "--domain", domain_.text()}, "messages published"), 0);
+  const std::string whole = folder_.path() + "/whole.mcap";
+  EXPECT_EQ(replayed({"--repair", file()}, "name another file"), 2);
+  EXPECT_EQ(replayed({"--repair", whole}, "and the summary of the run"), 0);
+  const Ended repaired = finish({program("subworld"), "replay", whole});
+  EXPECT_EQ(repaired.code, 0) << repaired.err;
+  EXPECT_NE(repaired.out.find("verdict: failed: the launcher was killed"), std::string::npos) << repaired.out;
+  EXPECT_EQ(repaired.out.find("no end"), std::string::npos) << repaired.out;
+  const Json read = read_all(whole);
+  if (read.is_null()) FAIL() << kNoReader;
+  EXPECT_NE(repaired.out.find(", " + std::to_string(read["messages"].get<int>()) + " messages"), std::string::npos)
+      << repaired.out << read["messages"];
   const Ended film = finish({program("subworld"), "film", file(), "--to", "0.5", "--rate", "4", "--width", "160",
                              "--height", "90", "--out", folder_.path() + "/film"});
   EXPECT_EQ(film.code, 0) << film.err;

@@ -189,6 +189,8 @@ TEST(Gates, ASlowClockIsNotBlamedOnShortSteps) {
   EXPECT_NE(why(waited).find("compete for the cores"), std::string::npos) << why(waited);
   waited.quota = {1.1, "/sys/fs/cgroup/cpu.max"};
   EXPECT_NE(why(waited).find("control group grants it 1.1 cores"), std::string::npos) << why(waited);
+  waited.load->own = 0.5;
+  EXPECT_NE(why(waited).find("of which /sys/fs/cgroup/cpu.max grants 1.1,"), std::string::npos) << why(waited);
 }
 
 /// A run that misses nothing.

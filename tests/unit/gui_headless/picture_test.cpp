@@ -275,8 +275,8 @@ TEST(Picture, RefusesNonsense) {
   picture.camera = Camera{Vec3::Zero(), Vec3::Zero(), 0.5};
   EXPECT_THROW((void)drawn(picture), Error);
   EXPECT_THROW((void)draw({}, {0, 720}), Error);
-  EXPECT_THROW(write_png(testing::TempDir() + "/subworld_nonsense.png", {2, 2, {1, 2, 3}}), Error);
-  EXPECT_THROW(write_png("no_such_folder/picture.png", {1, 1, {1, 2, 3}}), Error);
+  EXPECT_THROW(write_png(testing::TempDir() + "/subworld_nonsense.png", {2, 2, {1, 2, 3}}, "Subworld"), Error);
+  EXPECT_THROW(write_png("no_such_folder/picture.png", {1, 1, {1, 2, 3}}, "Subworld"), Error);
 }
 
 TEST(Camera, ShowsAllMovableBodiesAsLargeAsPossible) {
@@ -306,7 +306,7 @@ TEST(Camera, RunsARowAcrossThePicture) {
 TEST(Png, ReadsBackWhatWasWritten) {
   const auto drawing = drawn(heap().picture());
   const auto file = std::filesystem::path(testing::TempDir()) / "subworld_picture_test.png";
-  write_png(file.string(), drawing.image);
+  write_png(file.string(), drawing.image, "Subworld");
   const Image back = test::read_png(file.string());
   std::filesystem::remove(file);
   EXPECT_EQ(back.width, 640);

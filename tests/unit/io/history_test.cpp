@@ -2,6 +2,8 @@
 #include "io/records/history.hpp"
 
 #include "io/records/history_reader.hpp"
+#include "io/records/mcap_reader.hpp"
+#include "io/records/mcap_writer.hpp"
 #include "io/records/trace.hpp"
 #include "io/results/json.hpp"
 #include "rt/cyclic.hpp"
@@ -17,6 +19,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <thread>
@@ -33,6 +37,25 @@ History::Format wide_rows() {
           .head = "",
           .row = [](std::string& text, std::span<const double> row) { text += fmt::format("{:10000}\n", row[0]); },
           .rows = kRing};
+}
+
+TEST(RecordingFile, ReplacesAnEarlierOneWithItsFirstMessages) {
+  const TemporaryFolder folder;
+  const std::string file = folder.path() + "/run.mcap";
+  const std::array<std::uint8_t, 1> byte{7};
+  const auto record = [&](std::uint32_t messages) {
+    mcap::Writer writer(file);
+    const std::uint16_t channel = writer.add_channel(writer.add_schema("S", "omgidl", ""), "/s", "cdr");
+    writer.attach("settings.json", "application/json", "{}", 1);
+    for (std::uint32_t i = 0; i < messages; ++i) writer.write(channel, i, i, byte);
+    writer.finish();
+    return mcap::Reader(file).messages();
+  };
+  EXPECT_EQ(record(3), 3U);
+  EXPECT_EQ(record(0), 3U) << "of a run that never started";
+  EXPECT_EQ(record(2), 2U);
+  std::filesystem::remove(file);
+  EXPECT_EQ(record(0), 0U);
 }
 
 class SlowFile : public ::testing::Test {

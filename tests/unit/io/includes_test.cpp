@@ -56,7 +56,7 @@ const std::vector<Foreign>& foreign() {
       {"JSON", std::regex("nlohmann/.*"), std::regex("common/io/.*")},
       {"libwebsockets", std::regex("libwebsockets\\.h"), std::regex("gui_headless/live/(session|server)\\.cpp")},
       {"command lines", std::regex("CLI/.*"), std::regex("common/io/options/command_line\\.cpp")},
-      {"zlib", std::regex("zlib\\.h"), std::regex("common/io/records/mcap_.*\\.cpp")},
+      {"zlib", std::regex("zlib\\.h"), std::regex("(common/io/records/mcap_.*|gui_headless/picture)\\.cpp")},
       {"PNG", std::regex("png\\.h"), std::regex("gui_headless/picture\\.cpp")},
   };
   return kAll;

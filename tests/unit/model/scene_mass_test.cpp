@@ -244,6 +244,10 @@ TEST(MeshFile, ItsUpAxisBecomesZ) {
   EXPECT_NEAR(half_height_m("a.obj", as_obj(pillar_along(1)), ", up: y"), 0.3, 1e-6);
 }
 
+TEST(MeshFile, MayBeginWithAByteOrderMark) {
+  EXPECT_NEAR(half_height_m("a.obj", "\xEF\xBB\xBF" + as_obj(pillar_along(2))), 0.3, 1e-6);
+}
+
 TEST(MeshFile, IsRefusedWhereItsNumbersHaveTooFewDigits) {
   const Mesh far = box_mesh(Vec3::Constant(0.05), {Vec3(1e5, 0, 0), Quat::Identity()});
   EXPECT_THROW((void)half_height_m("a.obj", as_obj(far)), Error);
