@@ -1,5 +1,6 @@
 #include "process/sessions/sessions.hpp"
 
+#include <csignal>
 #include <filesystem>
 #include <memory>
 #include <regex>
@@ -34,6 +35,19 @@ TEST_F(Sessions, SharesThatAreStartedByHostAreCollectedIntoOneVerdict) {
   EXPECT_NE(part.err.find("no results of haptic_sim 0"), std::string::npos) << part.err;
   const Ended users = finish({program("subworld"), "collect", folder_.path() + "/left", "--out", out() + "2"});
   EXPECT_NE(users.err.find("no world.json"), std::string::npos) << users.err;
+}
+
+TEST_F(Sessions, KeepTheirDomain) {
+  const std::string of_session = folder_.path() + "/session";
+  const std::string text = read_text(session("duration: 0.2}", "duration: 1000}"));
+  const std::string here = folder_.write("here.yaml", std::regex_replace(text, std::regex(" *ssh: [^\n]*\n"), ""));
+  Process first(up(here, of_session), folder_.path());
+  ASSERT_TRUE(eventually([&] { return running(of_session).size() >= 4; })) << first.err();
+  const Ended second = run(scene("press"), {"--duration", "0.1"});
+  EXPECT_EQ(second.code, 3);
+  EXPECT_NE(second.err.find("domain " + domain_.text() + " is in use by subworld"), std::string::npos) << second.err;
+  first.signal(SIGTERM);
+  EXPECT_EQ(first.wait(), 0);
 }
 
 class NamespacedSessions : public Sessions, public ::testing::WithParamInterface<std::string> {};
