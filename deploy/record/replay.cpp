@@ -27,6 +27,7 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <string_view>
@@ -70,8 +71,15 @@ Recorded read_recorded(const std::string& file, const Attachments& attachments) 
   return recorded;
 }
 
+/// Throws `Error`, also where it would replace what someone has changed.
 void write_file(const std::filesystem::path& path, const std::string& contents) {
   std::filesystem::create_directories(path.parent_path());
+  if (std::ifstream held(path, std::ios::binary); held) {
+    if (std::string(std::istreambuf_iterator<char>(held), {}) == contents) return;
+    throw Error(ExitCode::usage, fmt::format("{}: differs from the recording, which would replace it; choose another "
+                                             "--out, or remove it",
+                                             path.string()));
+  }
   std::ofstream file(path, std::ios::binary);
   file << contents;
   file.close();
@@ -105,6 +113,7 @@ std::string extract_scene(const std::string& folder, const Attachments& attachme
 std::string folder_of(const ReplayRequest& request) {
   std::string folder = request.out.empty() ? "out/replay-" + local_time("%Y%m%d-%H%M%S") : request.out;
   make_folder(folder);
+  check_results(folder, {folder + "/picture.png"});
   return folder;
 }
 

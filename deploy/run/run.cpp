@@ -22,6 +22,7 @@
 
 #include <fmt/core.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -97,7 +98,8 @@ class Run {
     std::filesystem::remove_all(out() + "/hosts");
     if (request_.host.empty())
       space_.emplace(out() + "/summary.json", kSummary_bytes + kUser_bytes * run_.scene.users.size());
-    if (!options.trace.empty()) merge_traces({}, options.trace);  // an unwritable file is an error before anything runs
+    // An unwritable file is an error before anything runs. A writable one stays until the end.
+    if (!options.trace.empty() && access(options.trace.c_str(), W_OK) != 0) merge_traces({}, options.trace);
     const bool records = !options.record.empty();
     messages_.emplace(sizes_of_messages(run_.scene, request_.gui, records),
                       MessageMemory::Config{.recorded = records, .waits = records && !run_.realtime()});

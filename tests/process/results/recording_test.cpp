@@ -78,6 +78,9 @@ TEST_F(Recording, ReSimulationHasTheRecordedHash) {
   // The scene is the recorded one, and not that of this machine.
   EXPECT_EQ(read_text(again + "/recorded/scene.yaml"), read_text(scene("example")));
   EXPECT_TRUE(std::filesystem::exists(again + "/recorded/meshes/wedge.obj"));
+  std::ofstream(again + "/recorded/scene.yaml") << "changed";
+  EXPECT_EQ(finish({program("subworld"), "replay", file(), "--resimulate", "--out", again}).code, 2);
+  EXPECT_EQ(read_text(again + "/recorded/scene.yaml"), "changed");
 }
 
 TEST_F(Recording, AReSimulationEndsWithItsCommandAndKeepsToItsDomain) {
