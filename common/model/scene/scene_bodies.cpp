@@ -41,50 +41,81 @@ const std::initializer_list<std::string_view> kProxyKeys = {
     "density_kg_m3", "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
     "gravity",       "rotates"};
 
+/// In place of a shape with an error, so that a mass follows from it without another error.
+const SolidShape kUnread{.volume = 1.0, .inertia_per_kg = Vec3::Ones()};
+
 }  // namespace
 
-Materials read_materials(const YamlValue& value) {
+Materials read_materials(const YamlValue& value, Faults& faults) {
   Materials materials;
   for (const YamlValue::Named& entry : value.entries()) {
-    const YamlMap map(entry.value, {"friction", "restitution"});
-    Material material;
-    map.read("friction", material.friction, {.least = 0.0, .most = 100.0});
-    map.read("restitution", material.restitution, kUnit);
-    materials[entry.key] = material;
+    Material& material = materials[entry.key];
+    faults.collect([&] {
+      const YamlMap map(entry.value, {"friction", "restitution"}, faults);
+      faults.collect([&] { map.read("friction", material.friction, {.least = 0.0, .most = 100.0}); });
+      faults.collect([&] { map.read("restitution", material.restitution, kUnit); });
+    });
   }
   return materials;
 }
 
 void BodyReader::read_bodies(const YamlValue& list) {
-  for (const YamlValue& body : list.items()) read_body(body);
+  Faults faults;
+  for (const YamlValue& body : list.items()) faults.collect([&] { read_body(body); });
+  faults.raise();
+  complete_ = true;
 }
 
 void BodyReader::read_body(const YamlValue& value) {
-  const YamlMap map(value, kBodyKeys);
+  Faults faults;
+  const YamlMap map(value, kBodyKeys, faults);
+  bool bin = false;
+  faults.collect([&] { bin = map.at("shape").text() == "bin"; });
+  faults.collect([&] { bin ? read_bin(map) : read_solid(map); });
+  faults.raise();
+}
+
+void BodyReader::read_solid(const YamlMap& map) {
+  Faults faults;
+  std::string name;
+  faults.collect([&] { name = map.at("name").name(); });
+  SolidShape solid = kUnread;
+  std::optional<Layout> layout;
   bool fixed = false;
-  map.read("fixed", fixed);
-  const std::string name = map.at("name").name();
-  if (map.at("shape").text() == "bin") return read_bin(map);
-  const SolidShape solid = read_shape(map, fixed);
-  const Template made = read_template(map, solid);
-  if (!map.has("repeat")) {
-    require_room(value, 1);
+  const bool known = faults.collect([&] { map.read("fixed", fixed); });
+  faults.collect([&] {
+    solid = read_shape(map, fixed || !known);
+    if (map.has("repeat")) layout = read_repeat(map, solid);
+  });
+  Template made;
+  faults.collect([&] { made = read_template(map, solid); });
+  faults.raise();
+  if (!layout) {
+    require_room(map.whole(), 1);
     add(map.at("name"), name, made, {});
     return;
   }
-  const Layout layout = read_repeat(map, solid);
-  for (std::size_t i = 0; i < layout.size(); ++i) add(map.at("name"), fmt::format("{}/{}", name, i), made, layout[i]);
+  for (std::size_t i = 0; i < layout->size(); ++i) {
+    add(map.at("name"), fmt::format("{}/{}", name, i), made, (*layout)[i]);
+  }
 }
 
 /// Four walls around an inner area, standing on the group's position.
 void BodyReader::read_bin(const YamlMap& map) {
-  forbid_other_measures(map, "bin");
-  map.forbid({"repeat", "rotation"}, "a bin is four walls along the axes");
-  bool fixed = false;
-  map.read("fixed", fixed);
-  if (!fixed) map.at("shape").fail("a bin cannot move; add \"fixed: true\"");
-  const Vec3 inner = map.at("size_m").vec3(kSide);
-  const double wall = map.at("wall_m").number(kSide);
+  Faults faults;
+  faults.collect([&] { forbid_other_measures(map, "bin"); });
+  faults.collect([&] { map.forbid({"repeat", "rotation"}, "a bin is four walls along the axes"); });
+  faults.collect([&] {
+    bool fixed = false;
+    map.read("fixed", fixed);
+    if (!fixed) map.at("shape").fail("a bin cannot move; add \"fixed: true\"");
+  });
+  Vec3 inner;
+  double wall = 0.0;
+  faults.collect([&] { inner = map.at("size_m").vec3(kSide); });
+  faults.collect([&] { wall = map.at("wall_m").number(kSide); });
+  faults.collect([&] { (void)map.at("name").name(); });
+  faults.raise();
   require_room(map.whole(), 4);
   int index = 0;
   for (const int axis : {0, 1}) {
@@ -105,27 +136,40 @@ void BodyReader::read_bin(const YamlMap& map) {
 
 BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidShape& solid) const {
   Template made;
+  Body& body = made.body;
   made.frame = solid.frame;
-  made.body.shape = solid.shape;
-  made.body.material = read_material(map);
-  read_mass(map, solid, made.body);
-  if (made.body.fixed()) {
+  body.shape = solid.shape;
+  Faults faults;
+  const auto read_vector = [&](std::string_view key, Vec3& target, const Limits& limits) {
+    faults.collect([&] {
+      if (const auto value = map.find(key)) target = value->vec3(limits);
+    });
+  };
+  faults.collect([&] { body.material = read_material(map); });
+  faults.collect([&] {
+    read_mass(map, solid, body);
+    if (!body.fixed()) return;
     map.forbid({"velocity_m_s", "angular_velocity_rad_s", "gravity", "rotates", "at_rest"}, "the body is fixed");
-    made.body.gravity = false;
-  }
-  map.read("gravity", made.body.gravity);
-  map.read("rotates", made.body.rotates);
-  map.read("at_rest", made.body.at_rest);
-  if (made.body.at_rest) map.forbid({"velocity_m_s", "angular_velocity_rad_s"}, "the body is at rest");
-  if (!made.body.rotates) map.forbid({"angular_velocity_rad_s"}, "the body does not rotate");
-  if (const auto v = map.find("position_m")) made.state.position = v->vec3(kPlace);
-  if (const auto v = map.find("velocity_m_s")) made.state.linear_velocity = v->vec3(kSpeed);
-  if (const auto v = map.find("angular_velocity_rad_s")) made.state.angular_velocity = v->vec3(kSpeed);
-  if (const auto v = map.find("rotation")) {
-    const YamlMap rotation(*v, {"axis", "angle_deg"});
+    body.gravity = false;
+  });
+  faults.collect([&] { map.read("gravity", body.gravity); });
+  faults.collect([&] { map.read("rotates", body.rotates); });
+  faults.collect([&] { map.read("at_rest", body.at_rest); });
+  faults.collect([&] {
+    if (body.at_rest) map.forbid({"velocity_m_s", "angular_velocity_rad_s"}, "the body is at rest");
+    if (!body.rotates) map.forbid({"angular_velocity_rad_s"}, "the body does not rotate");
+  });
+  read_vector("position_m", made.state.position, kPlace);
+  read_vector("velocity_m_s", made.state.linear_velocity, kSpeed);
+  read_vector("angular_velocity_rad_s", made.state.angular_velocity, kSpeed);
+  faults.collect([&] {
+    const auto value = map.find("rotation");
+    if (!value) return;
+    const YamlMap rotation(*value, {"axis", "angle_deg"});
     const Vec3 axis = rotation.at("axis").direction();
     made.state.orientation = rotation_deg(axis, rotation.at("angle_deg").number({.least = -360.0, .most = 360.0}));
-  }
+  });
+  faults.raise();
   return made;
 }
 
@@ -170,17 +214,25 @@ BodyId BodyReader::add(const YamlValue& place, const std::string& name, const Te
 }
 
 BodyId BodyReader::read_proxy(const YamlValue& value, const std::string& user) {
-  const YamlMap map(value, kProxyKeys);
+  Faults faults;
+  const YamlMap map(value, kProxyKeys, faults);
   const auto at = map.find("body");
   if (!at) {
+    SolidShape solid = kUnread;
+    Template made;
+    faults.collect([&] { solid = read_shape(map, false); });
+    faults.collect([&] { made = read_template(map, solid); });
+    faults.raise();
     require_room(value, 1);
-    return add(value, user + "/proxy", read_template(map, read_shape(map, false)), {});
+    return add(value, user + "/proxy", made, {});
   }
+  faults.raise();
   for (const std::string_view key : kProxyKeys) {
     if (key != "body") map.forbid({key}, "the proxy is an existing body");
   }
   const std::string name = at->text();
   const auto known = names_.find(name);
+  if (known == names_.end() && !complete_) return add(value, user + "/proxy", {}, {});
   if (known == names_.end()) {
     const std::vector<std::string_view> all = [&] {
       std::vector<std::string_view> names;

@@ -28,20 +28,26 @@ std::string to_text(const RatioBounds& ratio) {
 
 Scene load_scene(const std::string& file) {
   const YamlNode root = read_yaml(file);
-  const YamlMap map({file, "", root, root.mark}, {"name", "description", "settings", "materials", "bodies", "users"});
+  Faults faults;
+  const YamlMap map({file, "", root, root.mark}, {"name", "description", "settings", "materials", "bodies", "users"},
+                    faults);
   Scene scene;
   scene.file = file;
-  scene.name = map.at("name").name();
-  map.read("description", scene.description);
-  if (const auto settings = map.find("settings")) {
+  faults.collect([&] { scene.name = map.at("name").name(); });
+  faults.collect([&] { map.read("description", scene.description); });
+  faults.collect([&] {
     UserSpec none;
-    read_settings(*settings, "", scene.settings, none);
-  }
+    if (const auto settings = map.find("settings")) read_settings(*settings, "", scene.settings, none);
+  });
   Materials materials;
-  if (const auto value = map.find("materials")) materials = read_materials(*value);
+  const bool named = faults.collect([&] {
+    if (const auto value = map.find("materials")) materials = read_materials(*value, faults);
+  });
+  if (!named) faults.raise();  // else each use of a material would be an error
   BodyReader bodies(scene, std::move(materials));
-  bodies.read_bodies(map.at("bodies"));
-  read_users(map.at("users"), bodies, scene);
+  faults.collect([&] { bodies.read_bodies(map.at("bodies")); });
+  faults.collect([&] { read_users(map.at("users"), bodies, scene); });
+  faults.raise();
   if (scene.settings.users > static_cast<int>(scene.users.size())) {
     YamlMap(map.at("settings"), keys_in(""))
         .at("users")

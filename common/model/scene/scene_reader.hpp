@@ -18,7 +18,8 @@ inline constexpr int kMostBodies = 100'000;
 
 using Materials = std::map<std::string, Material, std::less<>>;
 
-[[nodiscard]] Materials read_materials(const YamlValue& value);
+/// A material with an error is there with its defaults.
+[[nodiscard]] Materials read_materials(const YamlValue& value, Faults& faults);
 
 /// Reads a map by the table of settings (model/settings). `group`: the beginning of its keys there, as in "delay.";
 /// empty: of the map `settings`; "users.": of a user.
@@ -45,7 +46,8 @@ class BodyReader {
   BodyReader(Scene& scene, Materials materials) : scene_(scene), materials_(std::move(materials)) {}
 
   void read_bodies(const YamlValue& list);
-  /// The proxy of a user: an existing body, or one of its own named "user/proxy".
+  /// The proxy of a user: an existing body, or one of its own named "user/proxy". A body that is missing because of an
+  /// error is replaced, so that this error alone is listed.
   [[nodiscard]] BodyId read_proxy(const YamlValue& value, const std::string& user);
 
  private:
@@ -56,6 +58,7 @@ class BodyReader {
   };
 
   void read_body(const YamlValue& value);
+  void read_solid(const YamlMap& map);
   void read_bin(const YamlMap& map);
   [[nodiscard]] Template read_template(const YamlMap& map, const SolidShape& solid) const;
   void read_mass(const YamlMap& map, const SolidShape& solid, Body& body) const;
@@ -68,6 +71,7 @@ class BodyReader {
 
   Scene& scene_;
   Materials materials_;
+  bool complete_ = false;  ///< all bodies were read
   std::unordered_map<std::string, BodyId> names_;
   std::map<std::tuple<std::string, double, bool, ShapeKind>, SolidShape> meshes_;  ///< each file is read once
 };

@@ -81,12 +81,61 @@ PathSegment read_segment(const YamlValue& value) {
 }
 
 void read_path(const YamlValue& path, DeviceSpec& device) {
+  Faults faults;
   for (const YamlValue& item : path.items()) {
-    device.path.push_back(read_segment(item));
-    if (device.path.back().kind == PathSegment::Kind::turn && device.degrees_of_freedom == 3) {
-      item.fail("a device with 3 degrees of freedom does not turn; set degrees_of_freedom: 6 or remove the turn");
+    faults.collect([&] {
+      device.path.push_back(read_segment(item));
+      if (device.path.back().kind == PathSegment::Kind::turn && device.degrees_of_freedom == 3) {
+        item.fail("a device with 3 degrees of freedom does not turn; set degrees_of_freedom: 6 or remove the turn");
+      }
+    });
+  }
+  faults.raise();
+}
+
+/// The name, the proxy and when it joins.
+void read_tool(const YamlMap& map, BodyReader& bodies, const Scene& scene, UserSpec& user) {
+  user.name = map.at("name").name();
+  const YamlValue proxy = map.at("proxy");
+  for (const UserSpec& other : scene.users) {
+    if (other.name == user.name)
+      map.at("name").fail(fmt::format("there is another user \"{}\"; rename one", user.name));
+  }
+  const std::size_t others = scene.bodies.size();
+  user.proxy = bodies.read_proxy(proxy, user.name);
+  user.own_proxy = scene.bodies.size() > others;
+  if (const auto joins = map.find("joins")) {
+    user.joins_late = joins->choice({"start", "after_settling"}) == 1;
+    if (user.joins_late && !user.own_proxy) {
+      joins->fail("a body of the scene is there from the start; describe a proxy of the user's own or remove the key");
     }
   }
+  for (const UserSpec& other : scene.users) {
+    if (other.proxy == user.proxy) {
+      proxy.fail(fmt::format("is the proxy of \"{}\" already; give every user a body of its own", other.name));
+    }
+  }
+}
+
+void read_user(const YamlValue& item, BodyReader& bodies, Scene& scene) {
+  Faults faults;
+  const YamlMap map(item, keys_in("users."), faults);
+  UserSpec user;
+  faults.collect([&] { read_tool(map, bodies, scene, user); });
+  faults.collect([&] {
+    read_settings(item, "users.", scene.settings, user);
+    if (user.selection == Selection::contacts && user.contact_depth == 0) {
+      map.at("selection")
+          .fail("contacts: needs contact_depth, how many contacts lie between the proxy and a member at most");
+    }
+  });
+  faults.collect([&] {
+    if (const auto device = map.find("device")) {
+      if (const auto path = YamlMap(*device, keys_in("users.device.")).find("path")) read_path(*path, user.device);
+    }
+  });
+  faults.raise();
+  scene.users.push_back(std::move(user));
 }
 
 }  // namespace
@@ -96,40 +145,9 @@ void read_users(const YamlValue& list, BodyReader& bodies, Scene& scene) {
   if (items.empty()) list.fail("a scene needs at least one user; add one");
   if (items.size() > kMostUsers)
     list.fail(fmt::format("{} users; a scene has at most {}: split it", items.size(), kMostUsers));
-  for (const YamlValue& item : items) {
-    const YamlMap map(item, keys_in("users."));
-    UserSpec user;
-    user.name = map.at("name").name();
-    const YamlValue proxy = map.at("proxy");
-    for (const UserSpec& other : scene.users) {
-      if (other.name == user.name)
-        map.at("name").fail(fmt::format("there is another user \"{}\"; rename one", user.name));
-    }
-    const std::size_t others = scene.bodies.size();
-    user.proxy = bodies.read_proxy(proxy, user.name);
-    user.own_proxy = scene.bodies.size() > others;
-    if (const auto joins = map.find("joins")) {
-      user.joins_late = joins->choice({"start", "after_settling"}) == 1;
-      if (user.joins_late && !user.own_proxy) {
-        joins->fail(
-            "a body of the scene is there from the start; describe a proxy of the user's own or remove the key");
-      }
-    }
-    for (const UserSpec& other : scene.users) {
-      if (other.proxy == user.proxy) {
-        proxy.fail(fmt::format("is the proxy of \"{}\" already; give every user a body of its own", other.name));
-      }
-    }
-    read_settings(item, "users.", scene.settings, user);
-    if (user.selection == Selection::contacts && user.contact_depth == 0) {
-      map.at("selection")
-          .fail("contacts: needs contact_depth, how many contacts lie between the proxy and a member at most");
-    }
-    if (const auto device = map.find("device")) {
-      if (const auto path = YamlMap(*device, keys_in("users.device.")).find("path")) read_path(*path, user.device);
-    }
-    scene.users.push_back(std::move(user));
-  }
+  Faults faults;
+  for (const YamlValue& item : items) faults.collect([&] { read_user(item, bodies, scene); });
+  faults.raise();
 }
 
 void keep_users(Scene& scene, int count) {

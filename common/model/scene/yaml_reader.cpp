@@ -1,6 +1,5 @@
 #include "model/scene/yaml_reader.hpp"
 
-#include "model/error.hpp"
 #include "model/joined.hpp"
 #include "model/shapes/nearest.hpp"
 
@@ -10,6 +9,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <ranges>
 #include <set>
 
 namespace subworld {
@@ -31,6 +31,10 @@ std::string_view kind_name(YamlNode::Kind kind) {
 }
 
 constexpr std::size_t kShownWords = 80;  // characters of a wrong word that a message repeats
+
+[[noreturn]] void fail_misspelt(const YamlValue& at_key, std::string_view meant) {
+  at_key.fail(fmt::format("unknown key; did you mean \"{}\"?", meant));
+}
 
 }  // namespace
 
@@ -167,19 +171,47 @@ std::vector<YamlValue::Named> YamlValue::entries() const {
   return named;
 }
 
-YamlMap::YamlMap(const YamlValue& value, const std::vector<std::string_view>& keys)
+void Faults::add(std::string_view text) {
+  for (const auto part : std::views::split(text, '\n')) {
+    std::string line(part.begin(), part.end());
+    if (std::ranges::find(lines_, line) == lines_.end()) lines_.push_back(std::move(line));
+  }
+}
+
+void Faults::raise() const {
+  if (lines_.empty()) return;
+  const std::size_t shown = std::min(lines_.size(), kMost);
+  std::string text = lines_.front();
+  for (std::size_t i = 1; i < shown; ++i) text += "\n" + lines_[i];
+  if (shown == kMost) text += fmt::format("\nonly the first {} errors are listed; there may be more", kMost);
+  throw Error(ExitCode::usage, text);
+}
+
+YamlMap::YamlMap(const YamlValue& value, const std::vector<std::string_view>& keys, Faults& faults)
     : whole_(value), entries_(value.entries()) {
   for (const YamlValue::Named& entry : entries_) {
     if (std::find(keys.begin(), keys.end(), entry.key) != keys.end()) continue;
     const std::string_view near = nearest(entry.key, keys);
-    if (near.empty()) entry.at_key.fail(fmt::format("unknown key; known here are {}", joined(keys, ", ")));
-    entry.at_key.fail(fmt::format("unknown key; did you mean \"{}\"?", near));
+    if (!near.empty()) misspelt_.emplace_back(near, entry.at_key);
+    faults.collect([&] {
+      if (near.empty()) entry.at_key.fail(fmt::format("unknown key; known here are {}", joined(keys, ", ")));
+      fail_misspelt(entry.at_key, near);
+    });
   }
+}
+
+YamlMap::YamlMap(const YamlValue& value, const std::vector<std::string_view>& keys) : whole_(value) {
+  Faults faults;
+  *this = YamlMap(value, keys, faults);
+  faults.raise();
 }
 
 std::optional<YamlValue> YamlMap::find(std::string_view key) const {
   for (const YamlValue::Named& entry : entries_) {
     if (entry.key == key) return entry.value;
+  }
+  for (const auto& [meant, at_key] : misspelt_) {
+    if (meant == key) fail_misspelt(at_key, meant);
   }
   return std::nullopt;
 }
@@ -203,10 +235,12 @@ std::size_t YamlMap::one_of(std::initializer_list<std::string_view> keys) const 
 }
 
 void YamlMap::forbid(std::initializer_list<std::string_view> keys, std::string_view why) const {
+  Faults faults;
   for (const YamlValue::Named& entry : entries_) {
     if (std::find(keys.begin(), keys.end(), entry.key) == keys.end()) continue;
-    entry.at_key.fail(fmt::format("must not stand here, {}; remove it", why));
+    faults.collect([&] { entry.at_key.fail(fmt::format("must not stand here, {}; remove it", why)); });
   }
+  faults.raise();
 }
 
 void YamlMap::read(std::string_view key, double& target, const Limits& limits) const {

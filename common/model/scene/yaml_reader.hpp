@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/error.hpp"
 #include "model/scene/yaml_tree.hpp"
 #include "model/slips.hpp"
 #include "model/types.hpp"
@@ -73,11 +74,41 @@ struct YamlValue::Named {
   YamlValue value;
 };
 
+/// The errors of parts of a file that do not depend on each other. They are thrown together as one error, a line each.
+class Faults {
+ public:
+  /// Reads the part. Returns whether it has no error. After `kMost` errors, the other parts are not read.
+  template <class Part>
+  bool collect(const Part& part) {
+    try {
+      if (lines_.size() < kMost) part();
+      return lines_.size() < kMost;
+    } catch (const Error& fault) {
+      add(fault.what());
+      return false;
+    }
+  }
+  [[nodiscard]] bool any() const noexcept { return !lines_.empty(); }
+  /// Throws `Error` (usage) if there are any.
+  void raise() const;
+
+ private:
+  static constexpr std::size_t kMost = 20;
+
+  /// Adds those lines that are new: a misspelt key is found again where its right name is missing.
+  void add(std::string_view text);
+
+  std::vector<std::string> lines_;
+};
+
 /// A map whose keys are known: any other key is an error that names the nearest one.
 class YamlMap {
  public:
   YamlMap(const YamlValue& value, const std::vector<std::string_view>& keys);
+  /// Collects the errors of unknown keys, so that the known ones are read as well.
+  YamlMap(const YamlValue& value, const std::vector<std::string_view>& keys, Faults& faults);
 
+  /// Where an unknown key was probably meant to be this one, these throw the unknown key's error.
   [[nodiscard]] bool has(std::string_view key) const { return find(key).has_value(); }
   [[nodiscard]] std::optional<YamlValue> find(std::string_view key) const;
   /// The value of a key that must be there.
@@ -98,6 +129,7 @@ class YamlMap {
  private:
   YamlValue whole_;
   std::vector<YamlValue::Named> entries_;
+  std::vector<std::pair<std::string, YamlValue>> misspelt_;  ///< by the known key that was probably meant
 };
 
 }  // namespace subworld

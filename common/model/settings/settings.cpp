@@ -106,18 +106,22 @@ std::vector<std::string_view> keys_in(std::string_view group) {
 
 void read_settings(const YamlValue& value, const std::string& group, Settings& settings, UserSpec& user) {
   const std::vector<std::string_view> keys = keys_in(group);
-  const YamlMap map(value, keys);
+  Faults faults;
+  const YamlMap map(value, keys, faults);
   add_operator(group, user);
   for (const std::string_view key : keys) {
-    const auto at = map.find(key);
-    const std::string full = group + std::string(key);
-    if (!at || std::ranges::find(kOfFiles, full) != kOfFiles.end()) continue;
-    if (const Setting* const one = find_setting(full)) {
-      read(*one, *at, settings, user);
-    } else {
-      read_settings(*at, full + ".", settings, user);
-    }
+    faults.collect([&] {
+      const auto at = map.find(key);
+      const std::string full = group + std::string(key);
+      if (!at || std::ranges::find(kOfFiles, full) != kOfFiles.end()) return;
+      if (const Setting* const one = find_setting(full)) {
+        read(*one, *at, settings, user);
+      } else {
+        read_settings(*at, full + ".", settings, user);
+      }
+    });
   }
+  faults.raise();
 }
 
 std::optional<std::string> value_text(const Setting& setting, Settings& settings, UserSpec& user) {

@@ -6,6 +6,8 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <ranges>
 #include <string>
 #include <vector>
 
@@ -62,6 +64,7 @@ Broken more(std::string_view label, std::string value, std::string_view place, s
 }
 
 std::vector<Broken> broken_scenes() {
+  const std::string users = "users: [{name: hand, proxy: {shape: sphere, radius_m: 1, mass_kg: 1}}]\n";
   return {
       // The document.
       {"empty", "", "1:1", "is empty"},
@@ -77,12 +80,12 @@ std::vector<Broken> broken_scenes() {
       {"map_as_key", "{a: 1}: 2\n", "1:1", "a key must be a plain word"},
       {"deep", "name: " + std::string(100, '[') + std::string(100, ']') + "\n", "1:38", "nested more than 32 levels"},
       {"very_deep", "name: " + std::string(100'000, '['), "1:8", "a key must be a plain word, not a list"},
-      {"missing_name", "bodies: []\nusers: []\n", "1:1", "\"name\" is missing"},
-      {"missing_bodies", "name: x\nusers: []\n", "1:1", "\"bodies\" is missing"},
+      {"missing_name", "bodies: []\n" + users, "1:1", "\"name\" is missing"},
+      {"missing_bodies", "name: x\n" + users, "1:1", "\"bodies\" is missing"},
       {"missing_users", "name: x\nbodies: []\n", "1:1", "\"users\" is missing"},
       {"no_user", "name: x\nbodies: []\nusers: []\n", "3:8", "users: a scene needs at least one user"},
-      {"null_name", "name:\nbodies: []\nusers: []\n", "1:1", "name: must be text, not nothing"},
-      {"path_as_name", "name: ../x\nbodies: []\n", "1:7", "name: \"../x\" is not a name"},
+      {"null_name", "name:\nbodies: []\n" + users, "1:1", "name: must be text, not nothing"},
+      {"path_as_name", "name: ../x\nbodies: []\n" + users, "1:7", "name: \"../x\" is not a name"},
       more("unknown_key", "bodys: []\n", "10:1", "bodys: unknown key; did you mean \"bodies\"?"),
       more("key_twice", "users: []\n", "10:1", "users: stands twice in this map; remove one"),
 
@@ -191,10 +194,13 @@ std::vector<Broken> broken_scenes() {
       repeat("count_huge", "{stack: {count: 1000000000}}", "5:82", "at most 100000, not 1000000000"),
       repeat("grid_huge", "{grid: {counts: [1000, 1000, 1000], spacing_m: [1, 1, 1]}}", "5:73",
              "bodies[0].repeat.grid: 1000000000 bodies after 0 others; a scene has at most 100000"),
-      body("full",
-           "{name: c, shape: sphere, radius_m: 1, mass_kg: 1, repeat: {row: {count: 100000, step_m: [1, 1, 1]}}}\n  - "
-           "{name: d, shape: sphere, radius_m: 1, mass_kg: 1}",
-           "6:5", "bodies[1]: 1 bodies after 100000 others"),
+      {"full",
+       Lines{.body =
+                 "{name: c, shape: sphere, radius_m: 1, mass_kg: 1, repeat: {row: {count: 100000, step_m: [1, 1, 1]}}}"
+                 "\n  - {name: d, shape: sphere, radius_m: 1, mass_kg: 1}",
+             .proxy = "{body: c/0}"}
+           .text(),
+       "6:5", "bodies[1]: 1 bodies after 100000 others"},
       repeat("seed_missing", "{heap: {count: 2, area_m: [3, 3]}}", "5:73", "\"seed\" is missing"),
       repeat("seed_negative", "{heap: {count: 2, area_m: [3, 3], seed: -1}}", "5:106", "seed: must be at least 0"),
       repeat("area_small", "{heap: {count: 2, area_m: [1, 1], seed: 1}}", "5:73", "not one body fits area_m"),
@@ -205,8 +211,8 @@ std::vector<Broken> broken_scenes() {
       proxy("unknown_proxy", "{body: cubes}", "8:19",
             "users[0].proxy.body: no body is named \"cubes\"; did you mean \"cube\"?"),
       proxy("proxy_with_both", "{body: cube, mass_kg: 1}", "8:25", "users[0].proxy.mass_kg: must not stand here"),
-      proxy("proxy_plane", "{shape: plane}", "8:20", "a plane cannot move"),
-      proxy("proxy_bin", "{shape: bin}", "8:20", "a bin cannot be a proxy"),
+      proxy("proxy_plane", "{shape: plane, mass_kg: 1}", "8:20", "a plane cannot move"),
+      proxy("proxy_bin", "{shape: bin, mass_kg: 1}", "8:20", "a bin cannot be a proxy"),
       proxy("proxy_fixed_key", "{shape: sphere, radius_m: 1, fixed: true}", "8:41",
             "users[0].proxy.fixed: unknown key"),
       {"proxy_fixed_body", Lines{.body = "{name: f, shape: plane, fixed: true}", .proxy = "{body: f}"}.text(), "8:19",
@@ -259,12 +265,45 @@ TEST_P(BrokenScene, IsRefusedWithPlaceKeyAndCure) {
   EXPECT_TRUE(message.starts_with(fmt::format("scene.yaml:{}: ", GetParam().place))) << message;
   EXPECT_NE(message.find(GetParam().fragment), std::string::npos) << message;
   EXPECT_NE(message.find_first_of(";?,"), std::string::npos) << message;
+  EXPECT_EQ(message.find('\n'), std::string::npos) << "one error is listed once, without consequences: " << message;
 }
 
 INSTANTIATE_TEST_SUITE_P(Table, BrokenScene, testing::ValuesIn(broken_scenes()),
                          [](const auto& at) { return std::string(at.param.label); });
 
 TEST(SceneFile, TheTableStartsFromASceneThatLoads) { EXPECT_NO_THROW((void)load_text(Lines{}.text())); }
+
+TEST(SceneFile, AllErrorsAreListedEachWithItsPlace) {
+  const Lines lines{.settings = "{h_s: fast, ratoi: 4, world: {substeps: 0}}",
+                    .materials = "{wood: {friction: -1}}",
+                    .body = "{name: cube, shape: box, size_m: [1, 1], mass_kg: -1, material: wod, positoin_m: [0, 0, 0]}",
+                    .proxy = "{body: cubes}",  // perhaps the name of a body whose error hides it
+                    .device = "{rate_hz: -5, path: [{move: [1, 0, 0], during_s: [1, 0]}]}",
+                    .more = "colour: red\n"};
+  const TemporaryFolder folder;
+  const std::string message = refusal(folder.write("scene.yaml", lines.text()), folder.path());
+  std::vector<std::string> keys;
+  for (const auto line : std::views::split(message, '\n')) {
+    const std::string text(line.begin(), line.end());
+    const std::size_t key = text.find(": ") + 2;
+    keys.push_back(text.substr(key, text.find(": ", key) - key));
+  }
+  EXPECT_EQ(keys, (std::vector<std::string>{"colour", "settings.ratoi", "settings.h_s", "settings.world.substeps",
+                                            "materials.wood.friction", "bodies[0].positoin_m", "bodies[0].size_m",
+                                            "bodies[0].material", "bodies[0].mass_kg", "users[0].device.rate_hz",
+                                            "users[0].device.path[0].during_s"}))
+      << message;
+}
+
+TEST(SceneFile, TheFirstTwentyErrorsAreListed) {
+  std::string text = Lines{}.text();
+  const std::string fault = "  - {name: cube, shape: ball}\n";
+  for (int i = 0; i < 30; ++i) text.insert(text.find("users:"), fault);
+  const TemporaryFolder folder;
+  const std::string message = refusal(folder.write("scene.yaml", text), folder.path());
+  EXPECT_EQ(std::ranges::count(message, '\n'), 20) << message;
+  EXPECT_NE(message.find("only the first 20 errors are listed"), std::string::npos) << message;
+}
 
 TEST(SceneFile, MissingFileDirectoryAndDeviceAreNamed) {
   const TemporaryFolder folder;
