@@ -297,15 +297,18 @@ void add_impulse_lines(const Picture& picture, const std::vector<Item>& items, P
 
 }  // namespace
 
+Camera automatic_camera(const Picture& picture, PictureSize size) {
+  const auto items = items_of(picture);
+  const auto visible = framed(items, without_strays(items));
+  const Vec3 focus = mean_proxy(items, enclosing_ball(visible).centre);
+  return fit_camera(visible, focus, static_cast<double>(size.width) / size.height);
+}
+
 Figure compose(const Picture& picture, PictureSize size) {
   const auto items = items_of(picture);
-  const auto movable = without_strays(items);
-  const auto visible = framed(items, movable);
   Figure figure;
-  figure.movable = enclosing_ball(visible);
-  const Vec3 focus = mean_proxy(items, figure.movable.centre);
-  figure.camera =
-      picture.camera ? *picture.camera : fit_camera(visible, focus, static_cast<double>(size.width) / size.height);
+  figure.movable = enclosing_ball(framed(items, without_strays(items)));
+  figure.camera = picture.camera ? *picture.camera : automatic_camera(picture, size);
   figure.origin = figure.movable.centre;
   figure.omitted = picture.bodies.size() - items.size();
   figure.grid_m = std::pow(10.0, std::round(std::log10(std::max(1e-6, figure.movable.radius / 4.0))));

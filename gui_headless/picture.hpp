@@ -51,6 +51,9 @@ struct Drawing {
   std::size_t omitted = 0;      ///< bodies without a finite state, orientation or shape
 };
 
+/// The camera of a picture that gives none.
+[[nodiscard]] Camera automatic_camera(const Picture& picture, PictureSize size);
+
 /// Draws the scene as in the paper's figure 13. The proxy is red, the members of a sub-world blue, other movable bodies
 /// light grey. Border bodies are yellow, each with a red line from its centre along the sum of the border impulses on
 /// it. A body in front of a member or of the proxy is translucent. Fixed boxes are glass, planes a ground grid.

@@ -143,7 +143,8 @@ void add_options(CommandLine& line, Request& r) {
   line.add("--to", &r.to_s, "last moment, simulated time").range(0.0, 1e6, "s").otherwise("the recording's end");
   line.add("--speed", &r.speed, "simulated time per time of the film: below 1 is slow motion").range(1e-4, 1e4);
   line.add("--rate", &r.rate_hz, "pictures per second of the film").range(0.1, 1000.0, "Hz");
-  const Option eye = line.add("--eye", &r.eye, "place of the camera, X,Y,Z in metres").otherwise("sees all bodies");
+  const Option eye =
+      line.add("--eye", &r.eye, "place of the camera, X,Y,Z in metres").otherwise("sees all bodies in all pictures");
   line.add("--target", &r.target, "with --eye: what is in the middle of the picture, X,Y,Z in metres")
       .otherwise("0,0,0")
       .needs(eye);
@@ -165,6 +166,48 @@ std::optional<Camera> camera_of(const Request& request) {
   };
   if (request.eye.empty()) return {};
   return Camera{.eye = place_of(request.eye, "--eye"), .target = place_of(request.target, "--target")};
+}
+
+/// The moments that the pictures show.
+struct Moments {
+  double from_s = 0.0, interval_s = 0.0;
+  std::size_t count = 0;
+
+  [[nodiscard]] double operator[](std::size_t i) const { return from_s + static_cast<double>(i) * interval_s; }
+};
+
+/// The automatic camera of a picture of all places that the bodies visit: each body is at the corners of the box
+/// around its path.
+Camera camera_of_all(RecordedWorld& world, const Moments& moments, PictureSize size) {
+  const std::vector<Body>& all = world.scene().bodies;
+  std::vector<Box> paths(all.size());
+  for (std::size_t i = 0; i < moments.count; ++i) {
+    world.show(moments[i]);
+    for (std::size_t b = 0; b < all.size(); ++b) {
+      const Vec3& at = world.states()[b].position;
+      if (i == 0) paths[b] = {at, at};
+      paths[b].extend({at, at});
+    }
+  }
+  std::vector<Body> bodies;
+  std::vector<BodyState> states;
+  for (std::size_t b = 0; b < all.size(); ++b) {
+    const Box& path = paths[b];
+    for (const int corner : {0, 1, 2, 3, 4, 5, 6, 7}) {
+      if (corner > 0 && path.lower == path.upper) break;
+      bodies.push_back(all[b]);
+      states.push_back(world.states()[b]);
+      for (int axis = 0; axis < 3; ++axis)
+        states.back().position[axis] = ((corner >> axis) & 1) == 0 ? path.lower[axis] : path.upper[axis];
+    }
+  }
+  return automatic_camera({.bodies = bodies,
+                           .states = states,
+                           .meshes = world.scene().meshes,
+                           .users = world.users(),
+                           .camera = {},
+                           .line_m_per_n_s = {}},
+                          size);
 }
 
 /// Makes a video of the first pictures in the folder where the encoder is installed. Returns its file; empty: there is
@@ -206,8 +249,10 @@ int make_film(const Request& request) {
   std::vector<std::filesystem::path> files{request.out + "/film.mp4"};
   for (std::size_t i = 0; i < frames; ++i) files.emplace_back(fmt::format("{}/frame_{:06d}.png", request.out, i));
   check_results(request.out, files);
+  const Moments moments{from_s, interval_s, frames};
+  if (!camera) camera = camera_of_all(world, moments, request.size);
   for (std::size_t i = 0; i < frames; ++i) {
-    world.show(from_s + static_cast<double>(i) * interval_s);
+    world.show(moments[i]);
     const Drawing drawing = draw({.bodies = world.scene().bodies,
                                   .states = world.states(),
                                   .meshes = world.scene().meshes,
@@ -215,12 +260,11 @@ int make_film(const Request& request) {
                                   .camera = camera,
                                   .line_m_per_n_s = line_m_per_n_s},
                                  request.size);
-    camera = drawing.camera;
     if (drawing.line_m_per_n_s > 0.0) line_m_per_n_s = drawing.line_m_per_n_s;
     write_png(files[i + 1], drawing.image, kOwnMark);
   }
-  fmt::print("film: {} pictures of t = {:.3f} to {:.3f} s in {}/frame_*.png\n", frames, from_s,
-             from_s + static_cast<double>(frames - 1) * interval_s, request.out);
+  fmt::print("film: {} pictures of t = {:.3f} to {:.3f} s in {}/frame_*.png\n", frames, from_s, moments[frames - 1],
+             request.out);
   std::fflush(stdout);
   const std::string video = encode(request, frames);
   fmt::print("{}\n", video.empty() ? "no video: ffmpeg is not installed, or cannot encode it" : "video: " + video);

@@ -1,4 +1,7 @@
 #include "process/process_test.hpp"
+#include "support/png_reader.hpp"
+
+#include <fmt/core.h>
 
 #include <sys/stat.h>
 
@@ -257,6 +260,30 @@ TEST_F(Recording, BecomesAFilm) {
   const Ended wrong = finish({program("subworld"), "film", file(), "--eye", "1,2", "--out", film});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_NE(wrong.err.find("three numbers"), std::string::npos) << wrong.err;
+}
+
+/// `lift` raises a cube by twice the height of the first picture's objects.
+TEST_F(Recording, AFilmShowsTheToolsFromItsBeginningToItsEnd) {
+  ASSERT_EQ(run(scene("lift"), recorded({"--mode", "lockstep", "--duration", "2.2"})).code, 0);
+  const std::string film = folder_.path() + "/film";
+  ASSERT_EQ(
+      finish({program("subworld"), "film", file(), "--rate", "2", "--width", "320", "--height", "180", "--out", film})
+          .code,
+      0);
+  for (int frame = 1; frame < 5; ++frame) {  // the first has no user yet
+    const Image image = read_png(fmt::format("{}/frame_{:06d}.png", film, frame));
+    int red = 0, at_edge = 0;
+    for (int row = 0; row < image.height; ++row) {
+      for (int column = 0; column < image.width; ++column) {
+        const std::uint8_t* p = image.pixel(column, row);
+        if (p[0] < 2 * p[1] || p[0] < 2 * p[2] || p[0] < 80) continue;
+        ++red;
+        at_edge += row == 0 || column == 0 || row == image.height - 1 || column == image.width - 1;
+      }
+    }
+    EXPECT_GT(red, 100) << frame;
+    EXPECT_EQ(at_edge, 0) << frame;
+  }
 }
 
 /// While the run goes on, after its launcher was killed, and where nothing else is left of it.

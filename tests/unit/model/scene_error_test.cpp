@@ -274,12 +274,13 @@ INSTANTIATE_TEST_SUITE_P(Table, BrokenScene, testing::ValuesIn(broken_scenes()),
 TEST(SceneFile, TheTableStartsFromASceneThatLoads) { EXPECT_NO_THROW((void)load_text(Lines{}.text())); }
 
 TEST(SceneFile, AllErrorsAreListedEachWithItsPlace) {
-  const Lines lines{.settings = "{h_s: fast, ratoi: 4, world: {substeps: 0}}",
-                    .materials = "{wood: {friction: -1}}",
-                    .body = "{name: cube, shape: box, size_m: [1, 1], mass_kg: -1, material: wod, positoin_m: [0, 0, 0]}",
-                    .proxy = "{body: cubes}",  // perhaps the name of a body whose error hides it
-                    .device = "{rate_hz: -5, path: [{move: [1, 0, 0], during_s: [1, 0]}]}",
-                    .more = "colour: red\n"};
+  const Lines lines{
+      .settings = "{h_s: fast, ratoi: 4, world: {substeps: 0}}",
+      .materials = "{wood: {friction: -1}}",
+      .body = "{name: cube, shape: box, size_m: [1, 1], mass_kg: -1, material: wod, positoin_m: [0, 0, 0]}",
+      .proxy = "{body: cubes}",  // perhaps the name of a body whose error hides it
+      .device = "{rate_hz: -5, path: [{move: [1, 0, 0], during_s: [1, 0]}]}",
+      .more = "colour: red\n"};
   const TemporaryFolder folder;
   const std::string message = refusal(folder.write("scene.yaml", lines.text()), folder.path());
   std::vector<std::string> keys;
