@@ -122,14 +122,16 @@ void put_entity(CdrWriter& cdr, const char* id, std::uint64_t time_ns, const Pri
 }  // namespace
 
 std::vector<std::uint8_t> scene_update(const SceneDescription& scene, std::span<const BodyState> states,
-                                       std::span<const UserView> users, std::uint64_t time_ns) {
+                                       std::span<const UserView> users, std::span<const Vec3> forces_n,
+                                       std::uint64_t time_ns) {
   const std::vector<Colour> colours = colours_of(scene, users);
   Primitives fixed, movable, forces;
   for (std::size_t i = 0; i < std::min(scene.bodies.size(), states.size()); ++i)
     (scene.bodies[i].fixed() ? fixed : movable).add(scene.bodies[i].shape, states[i], colours[i], scene.meshes);
   for (const UserView& user : users) {
-    const Vec3& force_n = user.wrench.force;
-    if (index(user.proxy) >= states.size() || !(force_n.norm() > kLeastForce_n)) continue;
+    if (index(user.proxy) >= states.size() || index(user.user) >= forces_n.size()) continue;
+    const Vec3& force_n = forces_n[index(user.user)];
+    if (!(force_n.norm() > kLeastForce_n)) continue;
     forces.arrows.push_back({states[index(user.proxy)].position, Quat::FromTwoVectors(Vec3::UnitX(), force_n),
                              Vec3(kArrow_m_per_n * force_n.norm(), 0.0, 0.0), kForce});  // it points along x
   }

@@ -113,7 +113,8 @@ std::vector<std::uint8_t> encode_verdict(const std::string& summary_file) {
   });
 }
 
-Sources::Sources(const Bus& bus, int users) : bus_(bus), channels_(all_channels(users)) {}
+Sources::Sources(const Bus& bus, int users)
+    : bus_(bus), channels_(all_channels(users)), forces_n_(static_cast<std::size_t>(users), Vec3::Zero()) {}
 
 const Channel* Sources::channel(std::uint32_t id) const noexcept {
   return id >= 1 && id <= channels_.size() ? &channels_[id - 1] : nullptr;
@@ -125,8 +126,11 @@ void Sources::subscribe(const Channel& channel) {
   if (first && has_reader(channel)) {
     try {
       open.observer = Observer::reader(bus_, channel.row.value_or(kTopicIndex<WorldSnapshot>), channel.partition);
+      for (int user = 0; is_update(channel) && user < static_cast<int>(forces_n_.size()); ++user)
+        commands_.push_back(Observer::reader(bus_, kTopicIndex<DeviceCommand>, device_partition(user)));
     } catch (...) {
       open_.erase(at);
+      if (is_update(channel)) commands_.clear();
       throw;
     }
   }
@@ -139,7 +143,9 @@ void Sources::subscribe(const Channel& channel) {
 
 void Sources::unsubscribe(const Channel& channel) noexcept {
   const auto at = open_.find(channel.id);
-  if (at != open_.end() && --at->second.subscribers == 0) open_.erase(at);
+  if (at == open_.end() || --at->second.subscribers > 0) return;
+  open_.erase(at);
+  if (is_update(channel)) commands_.clear();
 }
 
 std::vector<Sample> Sources::newest(const Channel& channel) const {
@@ -217,6 +223,7 @@ void Sources::poll_made(const Channel& channel, Open& open, const Deliver& deliv
     else
       take_states(cdr);
   }
+  if (is_update(channel)) take_forces();
   const std::uint64_t now = wall_time_ns();
   std::optional<std::vector<std::uint8_t>> made = is_view(channel) ? viewer_.make(now) : make_scene_update(now);
   if (!made) return;
@@ -231,10 +238,24 @@ void Sources::take_states(std::span<const std::uint8_t> cdr) {
     if (index(moved.id) < states_.size()) states_[index(moved.id)] = moved.state;
 }
 
+void Sources::take_forces() {
+  Codec<DeviceCommand> codec;
+  DeviceCommand command;
+  std::vector<std::uint8_t> cdr;
+  std::uint64_t writer = 0;
+  for (std::size_t user = 0; user < commands_.size(); ++user) {
+    while (commands_[user]->take(cdr, writer)) {
+      if (!codec.decode(cdr, command)) continue;
+      changed_ |= command.wrench.force != forces_n_[user];
+      forces_n_[user] = command.wrench.force;
+    }
+  }
+}
+
 std::optional<std::vector<std::uint8_t>> Sources::make_scene_update(std::uint64_t now_ns) {
   if (!changed_ || !scene_ || now_ns < next_update_ns_) return std::nullopt;
   changed_ = false;
-  std::vector<std::uint8_t> bytes = scene_update(*scene_, states_, snapshot_.users, now_ns);
+  std::vector<std::uint8_t> bytes = scene_update(*scene_, states_, snapshot_.users, forces_n_, now_ns);
   next_update_ns_ = now_ns + static_cast<std::uint64_t>(1e9 * static_cast<double>(bytes.size()) / kMostUpdateBytes_s);
   return bytes;
 }

@@ -68,6 +68,7 @@ class Sources {
   void poll_topic(const Channel& channel, Open& open, const Deliver& deliver);
   void poll_made(const Channel& channel, Open& open, const Deliver& deliver);
   void take_states(std::span<const std::uint8_t> cdr);
+  void take_forces();
   [[nodiscard]] std::optional<std::vector<std::uint8_t>> make_scene_update(std::uint64_t now_ns);
 
   const Bus& bus_;
@@ -81,6 +82,8 @@ class Sources {
   Codec<WorldSnapshot> codec_;
   WorldSnapshot snapshot_;
   std::vector<BodyState> states_;
+  std::vector<std::unique_ptr<wire::BackendReader>> commands_;  // to each device, while updates are wanted
+  std::vector<Vec3> forces_n_;                                  // on each operator
   bool changed_ = false;
   std::uint64_t next_update_ns_ = 0;
 };

@@ -76,6 +76,7 @@ INSTANTIATE_TEST_SUITE_P(FullRealtime, LiveProtocol, ::testing::Values("foxglove
 TEST_F(Live, SendsAtMost60SamplesASecond) {
   begin();
   view("rates");
+  view("arrows");
   end();
 }
 

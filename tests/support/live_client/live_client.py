@@ -76,6 +76,24 @@ async def read_all(address, protocol):
     await viewer.socket.close()
 
 
+async def arrows(address):
+    """The arrows of the 3D panel show the force that the device is commanded, not that of the coupling."""
+    viewer = await Viewer.open(address)
+    await viewer.subscribe("/scene_update", "/user_0/device_command")
+    end, equal, commanded, shown = time.monotonic() + LIMIT_S, 0, [], []
+    while equal < 5:
+        assert time.monotonic() < end, (equal, commanded[-5:], shown[-5:])
+        sample = await viewer.receive()
+        if sample and sample[0] == "/user_0/device_command":
+            force = sample[2]["wrench"]["force"]
+            commanded.append(sum(force[axis] ** 2 for axis in "xyz") ** 0.5)
+        elif sample:
+            entity = next(one for one in sample[2]["entities"] if one["id"] == "forces")
+            shown += [(arrow["shaft_length"] + arrow["head_length"]) / 0.02 for arrow in entity["arrows"]]
+        equal = sum(any(abs(one - force) < 1e-9 * force for force in commanded if force > 0.1) for one in set(shown))
+    await viewer.socket.close()
+
+
 async def rates(address):
     """A topic of 1 kHz comes at 60 Hz at most, and the newest sample each time."""
     viewer = await Viewer.open(address)
