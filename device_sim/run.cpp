@@ -245,6 +245,7 @@ class RealtimeLoop : DeviceRun {
       }
       if (came_.served == ports.identity) ports.commands.trust_sender();
       if (!running() && came_.stamp_s > kAbsent_s) resume(came_.stamp_s);
+      stands_ = came_.stamp_s == command_.stamp_s;
       command_ = came_;
       measures.answered(command_.echoed_sent_ns, now);
       haptic_.heard(now);
@@ -302,7 +303,8 @@ class RealtimeLoop : DeviceRun {
     if (device.present() && (deadband_.sends(state, felt_, period_s_) || !running()) && send_state(begin, state))
       check_.sent(state.sequence, to_ns(begin));
     const TimePoint end = stages_.mark(DeviceStage::send);
-    const Miss miss = loop_.judge(end, loop_.deadline());
+    Miss miss = loop_.judge(end, loop_.deadline());
+    if (stands_) miss = Miss::none;  // while the run is paused, the force is zero
     // Steps before the haptic loop runs do not count.
     if (running()) {
       measures.step(state, felt_,
@@ -316,7 +318,8 @@ class RealtimeLoop : DeviceRun {
 
   Stages<DeviceStage>& stages_;
   double rate_hz_, period_s_;
-  double stale_s_;  ///< age of a command at which the force fades out
+  double stale_s_;       ///< age of a command at which the force fades out
+  bool stands_ = false;  ///< the sub-world's time stands: the run is paused
   Deadband<DeviceState> deadband_;
   PacedLoop<DeviceStage> loop_;
   double absent_s_;  ///< age of the newest command from which the haptic process is absent
