@@ -259,7 +259,7 @@ TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   run.world.released_j = 0.4;
   EXPECT_EQ(verdict(run), "ok") << "an engine may add a little energy to a falling body";
   run.world.released_j = 0.0;
-  run.device[0].driver = DriverResult{.name = "udp", .absences = 2};
+  run.device[0].driver = DriverResult{.name = "udp", .version = {}, .refused_for = {}, .absences = 2};
   EXPECT_NE(verdict(run).find("a device was absent"), std::string::npos) << verdict(run);
   EXPECT_FALSE(verdict(run).starts_with("unstable")) << verdict(run);
 }

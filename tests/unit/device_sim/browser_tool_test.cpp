@@ -190,7 +190,9 @@ TEST(PoseSocket, TakesThePosesOfItsOwnUserOnly) {
   tool.open(address.get(), address.size, "the test's tool");
   const auto reads = [&] { return tool.read([](const PoseDatagram&) {}); };
   constexpr uid_t kNobody = 65534;
-  if (send_as(kNobody, address, 1)) EXPECT_FALSE(reads()) << "of another user";
+  if (send_as(kNobody, address, 1)) {
+    EXPECT_FALSE(reads()) << "of another user";
+  }
   ASSERT_TRUE(send_as(geteuid(), address, 2));
   EXPECT_TRUE(reads());
 }

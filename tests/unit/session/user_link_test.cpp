@@ -52,7 +52,9 @@ class Link {
     use();
     use();
     if (state == UserPresence::held) link.time_out({});
-    if (state == UserPresence::joining) EXPECT_TRUE(report(stamp_));
+    if (state == UserPresence::joining) {
+      EXPECT_TRUE(report(stamp_));
+    }
     if (state == UserPresence::absent) link.leave({}, stamp_ + 1);
     EXPECT_EQ(link.presence(), state);
   }
@@ -85,7 +87,9 @@ TEST(UserLink, FollowsEachRowOfTheTable) {
       EXPECT_EQ(user.happen(static_cast<LinkEvent>(event)), action != LinkAction::refuse);
       EXPECT_EQ(user.link.presence(), to);
       EXPECT_EQ(user.link.holds(), to >= UserPresence::held);
-      if (action == LinkAction::forget) EXPECT_FALSE(user.link.reports().heard());
+      if (action == LinkAction::forget) {
+        EXPECT_FALSE(user.link.reports().heard());
+      }
     }
   }
 }
