@@ -55,6 +55,15 @@ std::vector<std::string> setting_columns(const Json& row) {
 
 std::vector<std::string> conditions_of(const Json& row) { return without(setting_columns(row), kOfMethod); }
 
+std::vector<const Json*> first_of_each_engine(const std::vector<const Json*>& rows) {
+  std::vector<const Json*> firsts;
+  for (const Json* row : rows) {
+    const auto same = [&](const Json* other) { return other->at("engine") == row->at("engine"); };
+    if (std::ranges::none_of(firsts, same)) firsts.push_back(row);
+  }
+  return firsts;
+}
+
 bool comparable(const Json& row) {
   return std::isfinite(number(row, "force_error_rms")) && std::isfinite(number(row, "reference_error"));
 }

@@ -24,6 +24,8 @@ inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the del
 /// reference is only one of many valid ones.
 [[nodiscard]] inline bool usable(double reference_error) { return reference_error <= kImperceptibleRms; }
 [[nodiscard]] bool imperceptible(const Json& row);
+/// The first row of each engine of the world.
+[[nodiscard]] std::vector<const Json*> first_of_each_engine(const std::vector<const Json*>& rows);
 
 /// Whether another point under the same conditions is better in error or CPU time and not worse in the other. Errors
 /// below a usable reference error are equal.

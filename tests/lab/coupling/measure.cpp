@@ -41,17 +41,6 @@ double position_error_rms_m(const std::vector<FeltHistory>& a, const std::vector
   return std::sqrt(sum / static_cast<double>(count));
 }
 
-double drift_max_m(const Scene& scene, const Outcome& a, const Outcome& b) {
-  double most = 0.0;
-  for (const Body& body : scene.bodies) {
-    if (body.fixed()) continue;
-    const double drift = (a.end[index(body.id)].position - b.end[index(body.id)].position).norm();
-    if (!(drift <= most)) most = drift;  // a value that is not a number stays
-    if (std::isnan(most)) break;
-  }
-  return most;
-}
-
 double cpu_s_per_s(const Histogram& h, double simulated_s) {
   return h.mean_s() * static_cast<double>(h.count()) / simulated_s;
 }
@@ -179,7 +168,7 @@ void add_errors(Json& row, const Scene& scene, const Outcome& run, const Referen
   const ForceError e = run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s) : kNoError;
   const ForceError on_operator =
       run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s, &FeltHistory::on_operator) : kNoError;
-  const double drift_m = run.finite ? drift_max_m(scene, run, reference.run) : kNone;
+  const double drift_m = run.finite ? drift_max_m(scene, run.end, reference.run.end) : kNone;
   row.update(errors_of(e, reference.error));
   row.update(on_operator_errors_of(on_operator));
   add_balance(row, run, reference);
@@ -254,9 +243,21 @@ std::optional<Reference> reference_of(const Scene& scene) {
   Reference reference{.run = {},
                       .error = force_error(run->felt, finer, h_s).rms,
                       .errors = force_errors(run->felt, finer, h_s),
-                      .on_operator_errors = force_errors(run->felt, finer, h_s, &FeltHistory::on_operator)};
+                      .on_operator_errors = force_errors(run->felt, finer, h_s, &FeltHistory::on_operator),
+                      .drift_m = drift_max_m(scene, run->end, fine->end)};
   reference.run = std::move(*run);
   return reference;
+}
+
+double drift_max_m(const Scene& scene, const std::vector<BodyState>& a, const std::vector<BodyState>& b) {
+  double most = 0.0;
+  for (const Body& body : scene.bodies) {
+    if (body.fixed()) continue;
+    const double drift = (a[index(body.id)].position - b[index(body.id)].position).norm();
+    if (!(drift <= most)) most = drift;  // a value that is not a number stays
+    if (std::isnan(most)) break;
+  }
+  return most;
 }
 
 ForceError force_error(const std::vector<FeltHistory>& felt, const std::vector<FeltHistory>& reference, double h_s,

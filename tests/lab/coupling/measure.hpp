@@ -42,10 +42,14 @@ struct Reference {
   double error = 0.0;              ///< RMS force error of the reference against itself at h / 4, of all users
   std::vector<ForceError> errors;  ///< the same, by user
   std::vector<ForceError> on_operator_errors;  ///< of the force on the operator
+  double drift_m = 0.0;                        ///< between both at the end: the largest distance of a body
 };
 
 /// Reference of a scene in one world (lab/sweep). Empty if a signal requested a stop.
 [[nodiscard]] std::optional<Reference> reference_of(const Scene& scene);
+
+/// The largest distance between the places of a movable body in two states of a scene, m.
+[[nodiscard]] double drift_max_m(const Scene& scene, const std::vector<BodyState>& a, const std::vector<BodyState>& b);
 
 /// Which force of a history is compared.
 using ForceOf = std::vector<Vec3> FeltHistory::*;

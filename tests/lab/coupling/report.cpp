@@ -189,15 +189,22 @@ std::string doubt_of(const Rows& rows) {
     return "<p class=doubt>The reference has no felt force in this time, so there is no relative error. Run "
            "longer.</p>\n";
   }
-  const double reference_error = rows.front().at("reference_error").get<double>();
-  if (usable(reference_error)) return "";
+  std::vector<const Json*> all;
+  for (const Json& row : rows) all.push_back(&row);
+  std::string errors;
+  for (const Json* row : first_of_each_engine(all)) {
+    const double error = number(*row, "reference_error");
+    if (!usable(error))
+      errors += fmt::format("{}{:.2g} % ({})", errors.empty() ? "" : ", ", 1e2 * error, escaped(row->at("engine")));
+  }
+  if (errors.empty()) return "";
   return fmt::format(
-      "<p class=doubt>The reference error is {:.2g} %: the reference itself changes with its step, because the "
+      "<p class=doubt>The reference error is {}: the reference itself changes with its step, because the "
       "sequence of "
       "contacts changes or because the path's speed jumps. The reference is one of many valid ones, and an error is "
       "only "
       "the difference from this one. No point counts as at the reference error.</p>\n",
-      100.0 * reference_error);
+      errors);
 }
 
 std::string list_of(const char* title, const std::vector<std::string>& lines) {

@@ -53,11 +53,18 @@ std::string colour_of(const std::string& scheme) {
   return "#000000";
 }
 
-std::vector<Level> levels_of(const Json& row) {
-  return {
-      {fmt::format("reference error {:.2g} %", 100.0 * row.at("reference_error").get<double>()), kReferenceErrorColour,
-       100.0 * row.at("reference_error").get<double>()},
-      {fmt::format("imperceptible {:g} %", 100.0 * kImperceptibleRms), kThresholdColour, 100.0 * kImperceptibleRms}};
+/// The reference has the engine of the world, so each engine has its own reference error.
+std::vector<Level> levels_of(const std::vector<const Json*>& rows) {
+  std::vector<Level> levels;
+  const std::vector<const Json*> engines = first_of_each_engine(rows);
+  for (const Json* row : engines) {
+    const std::string of = engines.size() > 1 ? " of " + row->at("engine").get<std::string>() : "";
+    const double error = 100.0 * number(*row, "reference_error");
+    levels.push_back({fmt::format("reference error{} {:.2g} %", of, error), kReferenceErrorColour, error});
+  }
+  levels.push_back(
+      {fmt::format("imperceptible {:g} %", 100.0 * kImperceptibleRms), kThresholdColour, 100.0 * kImperceptibleRms});
+  return levels;
 }
 
 /// A line for each set of rows that differ only in `x`.
@@ -132,7 +139,7 @@ Plot work_precision(const Rows& rows, const std::vector<std::string>& columns) {
                              [](const Json& row) {
                                return std::pair{total_cpu(row), error_percent(row)};
                              }),
-          .levels = levels_of(rows.front())};
+          .levels = levels_of(chosen)};
 }
 
 Plot error_against(const std::string& x, const Rows& rows, const std::vector<std::string>& columns) {
@@ -153,7 +160,7 @@ Plot error_against(const std::string& x, const Rows& rows, const std::vector<std
                              [&](const Json& row) {
                                return std::pair{axis.scale * row.at(x).get<double>(), error_percent(row)};
                              }),
-          .levels = levels_of(rows.front())};
+          .levels = levels_of(chosen)};
 }
 
 /// The component of the reference with the largest RMS.

@@ -139,9 +139,10 @@ void print(const Json& row, std::size_t done, std::size_t all, const std::string
             ? fmt::format("differs by {:.2g} %, reference error {:.2g} %{}", 1e2 * number(row, "force_difference_rms"),
                           1e2 * number(row, "reference_error"), errors_text(row))
             : std::string("no force felt");
-    text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of those with it off; {}",
+    text = fmt::format("world {:.3f}, haptic {:.3f}, bytes {:.3f} of those with it off; {}; bodies {:.2g} mm apart{}",
                        number(row, "world_cpu_ratio"), number(row, "haptic_cpu_ratio"), number(row, "bytes_ratio"),
-                       difference);
+                       difference, 1e3 * number(row, "position_difference_max_m"),
+                       row.at("held").get<bool>() ? "" : ": worse");
   } else {
     text = "off: " + text;
   }

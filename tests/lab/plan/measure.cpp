@@ -8,6 +8,7 @@
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/cpu_time.hpp"
 #include "model/error.hpp"
+#include "model/shapes/shape_extent.hpp"
 #include "wire/codec/codec.hpp"
 
 #include <fmt/core.h>
@@ -24,6 +25,8 @@ namespace {
 
 constexpr double kMost_s = 600.0;  ///< for a run
 constexpr double kNotMeasured = NAN;
+/// Difference of places that is none, as a part of the smallest body's radius: a body at rest may creep as far.
+constexpr double kSamePlace = 0.02;
 
 /// The compared figures, and the columns of their ratios.
 struct Figure {
@@ -75,6 +78,11 @@ Json figures_of(const Scene& scene) {
     for (const Vec3& f : user.force) forces.insert(forces.end(), {f.x(), f.y(), f.z()});
     felt.push_back(std::move(forces));
   }
+  Json end = Json::array();
+  for (const Body& body : scene.bodies) {
+    const Vec3 at = run.world.engine().state(body.id).position;
+    end.insert(end.end(), {at.x(), at.y(), at.z()});
+  }
   const double clock = clock_s();
   return {{"world_cpu_s", sum_s(run.cpu.world, clock)},
           {"haptic_cpu_s", sum_s(run.cpu.haptic, clock) + sum_s(run.cpu.synchronise, clock)},
@@ -82,7 +90,8 @@ Json figures_of(const Scene& scene) {
           {"memory_bytes", allocated_bytes() - before_bytes},
           {"start_cpu_s", start_s},
           {"hash", fmt::format("{:016x}", run.hash())},
-          {"felt", std::move(felt)}};
+          {"felt", std::move(felt)},
+          {"end", std::move(end)}};
 }
 
 Json run_apart(const PlanPoint& point, const Scene& scene) {
@@ -106,6 +115,22 @@ std::vector<FeltHistory> felt_of(const Json& run) {
       user.force.emplace_back(forces[i].get<double>(), forces[i + 1].get<double>(), forces[i + 2].get<double>());
   }
   return felt;
+}
+
+std::vector<BodyState> end_of(const Json& run) {
+  const Json& places = run.at("end");
+  std::vector<BodyState> end(places.size() / 3);
+  for (std::size_t i = 0; i < places.size(); ++i)
+    end[i / 3].position[static_cast<int>(i % 3)] = places[i].get<double>();
+  return end;
+}
+
+double same_place_m(const Scene& scene) {
+  double least_m = INFINITY;
+  for (const Body& body : scene.bodies) {
+    if (!body.fixed()) least_m = std::min(least_m, bounding_radius(body.shape, scene.meshes));
+  }
+  return kSamePlace * least_m;
 }
 
 /// The decision on the item, or on the first enabled item for "all".
@@ -134,6 +159,10 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
               {"reference_error", kNotMeasured},
               {"error_enabled_rms", kNotMeasured},
               {"error_disabled_rms", kNotMeasured},
+              {"position_difference_max_m", 0.0},
+              {"reference_position_error_m", kNotMeasured},
+              {"position_error_enabled_m", kNotMeasured},
+              {"position_error_disabled_m", kNotMeasured},
               {"held", true}});
   if (!decision.enabled) return row;
 
@@ -152,7 +181,9 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
   if (row.at("hash_equal").get<bool>()) return row;
   const double difference = force_error(felt_of(out), felt_of(kept), without.settings.h_s).rms;
   row["force_difference_rms"] = difference;
-  if (difference == 0.0) return row;
+  const double apart_m = drift_max_m(without, end_of(out), end_of(kept));
+  row["position_difference_max_m"] = apart_m;
+  if (difference == 0.0 && apart_m == 0.0) return row;
   // The reference has all optimisations off, and no passivity bound, which is no physics of the scene.
   const Apart judged = apart(kMost_s, [&]() -> Json {
     const std::optional<Reference> reference = reference_of(in_one_world(with));
@@ -160,17 +191,29 @@ Json measured_plan_row(const PlanPoint& point, int repeats) {
     const auto error_of = [&](const Json& run) {
       return force_error(felt_of(run), reference->run.felt, without.settings.h_s).rms;
     };
+    const auto drift_of = [&](const Json& run) { return drift_max_m(without, end_of(run), reference->run.end); };
     return {{"reference_error", reference->error},
             {"error_enabled_rms", error_of(out)},
-            {"error_disabled_rms", error_of(kept)}};
+            {"error_disabled_rms", error_of(kept)},
+            {"reference_position_error_m", std::max(reference->drift_m, same_place_m(without))},
+            {"position_error_enabled_m", drift_of(out)},
+            {"position_error_disabled_m", drift_of(kept)}};
   });
   if (judged.answer && judged.answer->is_object()) row.update(*judged.answer);
-  // Without a felt force there is nothing to compare. A run is worse only if its error against the reference is larger
-  // by more than the reference error.
-  const double reference_error = number(row, "reference_error");
-  row["held"] = !std::isfinite(difference) || difference <= reference_error ||
-                number(row, "error_enabled_rms") <= number(row, "error_disabled_rms") + reference_error;
+  row["held"] = no_worse(row);
   return row;
+}
+
+bool no_worse(const Json& row) {
+  const auto within = [&](const char* difference, const char* reference, const char* enabled, const char* disabled) {
+    const double apart = number(row, difference), least = number(row, reference);
+    // Without a felt force there is nothing to compare.
+    return apart == 0.0 || !std::isfinite(apart) || apart <= least ||
+           number(row, enabled) <= number(row, disabled) + least;
+  };
+  return within("force_difference_rms", "reference_error", "error_enabled_rms", "error_disabled_rms") &&
+         within("position_difference_max_m", "reference_position_error_m", "position_error_enabled_m",
+                "position_error_disabled_m");
 }
 
 }  // namespace subworld

@@ -22,4 +22,8 @@ struct PlanPoint {
 /// `Interrupted` if a signal requests a stop.
 [[nodiscard]] Json measured_plan_row(const PlanPoint& point, int repeats);
 
+/// Whether neither the felt force nor the place of a body at the end is worse in such a row: the difference is within
+/// the reference error, or the error against the reference is larger by no more than the reference error.
+[[nodiscard]] bool no_worse(const Json& row);
+
 }  // namespace subworld

@@ -25,8 +25,8 @@ Bytes are those of a frame and a report, memory is allocated at the end, and sta
 step. <b>Same</b>: all states of the world and all forces on operators are equal bit by bit. <b>Same force</b>: the forces
 are equal bit by bit. Otherwise the table gives the difference of the felt force (RMS) and the scene's reference error:
 the difference between the reference at step h and at h / 4. Differences below the reference error are not significant.
-Above it the table gives the errors of both runs. <b>Worse</b> means that the optimisation raises the error by more than
-the reference error.</p>
+Above it the table gives the errors of both runs. The places of the bodies at the end are compared likewise. <b>Worse</b>
+means that the optimisation raises one of these errors by more than the reference error.</p>
 )";
 
 constexpr std::array kColumns{Column{"world CPU", "world_cpu_ratio", 1.0, 3},
@@ -37,7 +37,14 @@ bool is_enabled(const Json& row) { return row.at("enabled").get<bool>(); }
 bool hash_equal(const Json& row) { return row.at("hash_equal").get<bool>(); }
 bool held(const Json& row) { return row.at("held").get<bool>(); }
 
-std::string difference_text(const Json& row) {
+std::string position_text(const Json& row) {
+  const double apart_m = number(row, "position_difference_max_m");
+  const double reference_m = number(row, "reference_position_error_m");
+  if (!(apart_m > reference_m)) return "";
+  return fmt::format("; bodies {:.2g} mm apart at the end, reference {:.2g} mm", 1e3 * apart_m, 1e3 * reference_m);
+}
+
+std::string force_text(const Json& row) {
   if (!is_enabled(row)) return "&ndash;";
   if (hash_equal(row)) return "<span class=good>same</span>";
   const double difference = number(row, "force_difference_rms");
@@ -46,8 +53,12 @@ std::string difference_text(const Json& row) {
   const double reference_error = number(row, "reference_error");
   const std::string text = fmt::format("{:.2g} % of {:.2g} %", 1e2 * difference, 1e2 * reference_error);
   if (difference <= reference_error) return text;
-  return fmt::format("{}: error {:.2g} % on, {:.2g} % off{}", text, 1e2 * number(row, "error_enabled_rms"),
-                     1e2 * number(row, "error_disabled_rms"), held(row) ? "" : " <b>worse</b>");
+  return fmt::format("{}: error {:.2g} % on, {:.2g} % off", text, 1e2 * number(row, "error_enabled_rms"),
+                     1e2 * number(row, "error_disabled_rms"));
+}
+
+std::string difference_text(const Json& row) {
+  return force_text(row) + position_text(row) + (held(row) ? "" : " <b>worse</b>");
 }
 
 std::string table_of(const Rows& rows, const std::string& item) {

@@ -12,10 +12,23 @@ class PlanLab : public LabTest {
   PlanLab() : LabTest("plan") {}
 };
 
-const std::vector<std::string> kPlanColumns{
-    "scene",       "item",         "enabled",     "reason",     "world_cpu_ratio",      "haptic_cpu_ratio",
-    "bytes_ratio", "memory_ratio", "start_ratio", "hash_equal", "force_difference_rms", "reference_error",
-    "held"};
+const std::vector<std::string> kPlanColumns{"scene",
+                                            "item",
+                                            "enabled",
+                                            "reason",
+                                            "world_cpu_ratio",
+                                            "haptic_cpu_ratio",
+                                            "bytes_ratio",
+                                            "memory_ratio",
+                                            "start_ratio",
+                                            "hash_equal",
+                                            "force_difference_rms",
+                                            "reference_error",
+                                            "position_difference_max_m",
+                                            "reference_position_error_m",
+                                            "position_error_enabled_m",
+                                            "position_error_disabled_m",
+                                            "held"};
 
 TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
   const Ended ended = finish(lab_words({"press", "scatter", "--duration", "1", "--repeat", "1", "--out", out()}));
