@@ -47,7 +47,7 @@ StatusBeacon::StatusBeacon(Bus& bus, ProgramKind program, std::uint32_t instance
       if (!woken) listen();
       const bool due = !woken && ++ticks % kTicksPerStatus == 0;
       const std::lock_guard lock(mutex_);
-      if ((due && !stopping) || newest_note_.load(std::memory_order_relaxed) != nullptr) publish(due ? 1.0 : 0.0);
+      if ((due && !stopping) || newest_note_.load(std::memory_order_relaxed) != nullptr) publish(due);
     }
   });
 }
@@ -192,7 +192,7 @@ void StatusBeacon::enter(const std::string& state) {
   absences_.clear();
   bus_->forget_absences();
   if (state == kRunning) at_start_ = bus_->events();
-  publish(0.0);
+  publish(false);
 }
 
 EventCounts StatusBeacon::events_of_run() {
@@ -244,18 +244,22 @@ std::string StatusBeacon::take_notes() {
   return text;
 }
 
-void StatusBeacon::publish(double passed_s) {
+void StatusBeacon::publish(bool due) {
   if (failed_) return;  // the reason stays its last word
   const std::uint64_t steps = steps_.load(std::memory_order_relaxed);
-  std::string text = passed_s > 0.0 ? take_events() : bus_->take_event_text(EventKind::fault);
+  std::string text = due ? take_events() : bus_->take_event_text(EventKind::fault);
   const double busy_s = busy_s_.load(std::memory_order_relaxed);
-  if (passed_s > 0.0) {
+  if (due) {
+    // On a busy machine this thread wakes late.
+    const auto now = std::chrono::steady_clock::now();
+    const std::chrono::duration<double> passed = now - counted_at_;
     const auto made = static_cast<double>(steps - counted_steps_);
-    status_.rate_hz = made / passed_s;
+    status_.rate_hz = made / passed.count();
     status_.step_s = (busy_s - counted_busy_s_) / std::max(1.0, made);
+    counted_at_ = now;
+    counted_steps_ = steps;
+    counted_busy_s_ = busy_s;
   }
-  counted_steps_ = steps;
-  counted_busy_s_ = busy_s;
   status_.time_s = time_s_.load(std::memory_order_relaxed);
   status_.steps = steps;
   status_.missed_deadlines = missed_.load(std::memory_order_relaxed);

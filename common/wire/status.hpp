@@ -7,6 +7,7 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -95,7 +96,8 @@ class StatusBeacon {
     Note* earlier;
   };
 
-  void publish(double passed_s);
+  /// `due`: once in about a second, with the rate of the loop.
+  void publish(bool due);
   /// Receives the other programs' statuses; once a tick.
   void listen();
   void leave(Note* note);
@@ -137,6 +139,7 @@ class StatusBeacon {
   std::mutex mutex_;  ///< guards the following; the loop never locks it
   Status status_;
   bool failed_ = false;
+  std::chrono::steady_clock::time_point counted_at_ = std::chrono::steady_clock::now();  ///< when the rate was computed
   std::uint64_t counted_steps_ = 0;  ///< steps at the last computation of the rate
   double counted_busy_s_ = 0.0;      ///< busy time at the last computation of the rate
   EventCounts at_start_;             ///< counts when the loop began to run

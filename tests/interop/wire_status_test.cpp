@@ -55,6 +55,29 @@ TEST_P(WireStatus, notes_of_a_paused_loop_are_published) {
   }
 }
 
+// A note between two statuses, and a thread that wakes late, leave the rate as it is.
+TEST_P(WireStatus, the_rate_is_that_of_the_time_that_has_passed) {
+  const TestDomain held;
+  const int domain = held.number();
+  const auto sender = open_bus(config_of(GetParam().first, domain, Mode::realtime));
+  const auto receiver = open_bus(config_of(GetParam().second, domain, Mode::realtime));
+  auto reader = receiver->reader<Status>();
+  StatusBeacon beacon(*sender, ProgramKind::world_sim, 0, "test");
+  const auto begin = std::chrono::steady_clock::now();
+  double rate_hz = 0.0;
+  std::uint64_t steps = 0;
+  for (int tick = 0; tick < 80; ++tick) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begin;
+    steps = static_cast<std::uint64_t>(1000.0 * passed.count());
+    beacon.update({.time_s = passed.count(), .steps = steps});
+    if (tick % 10 == 0) beacon.note("note " + std::to_string(tick));
+    Status status;
+    while (reader.take(status) == Take::sample) rate_hz = status.rate_hz;
+  }
+  EXPECT_NEAR(rate_hz, 1000.0, 300.0) << "a busy machine delays the updates";
+}
+
 TEST_P(WireStatus, a_late_reader_gets_earlier_replies) {
   const TestDomain held;
   const int domain = held.number();
