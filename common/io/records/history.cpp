@@ -1,7 +1,6 @@
 #include "io/records/history.hpp"
 
 #include "model/error.hpp"
-#include "model/joined.hpp"
 
 #include <fcntl.h>
 #include <fmt/core.h>
@@ -11,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -25,11 +25,17 @@ namespace {
 constexpr std::chrono::milliseconds kWriteEvery{100};
 constexpr std::chrono::milliseconds kLookForRoom{1};
 constexpr std::size_t kPiece = 8192;  // bytes written at once
+constexpr double kFar = 1000.0;       // of this size, 9 digits no longer hold a micrometre
+
+void add_row(std::string& text, std::span<const double> row) {
+  const auto digits = [](double value) { return std::abs(value) < kFar ? 9 : 15; };
+  for (const double value : row) fmt::format_to(std::back_inserter(text), "{:.{}g},", value, digits(value));
+  text.back() = '\n';
+}
 
 History::Format csv(const std::string& columns) {
-  return {.width = 1 + static_cast<std::size_t>(std::ranges::count(columns, ',')),
-          .head = columns + "\n",
-          .row = [](std::string& text, std::span<const double> row) { text += joined(row, ",", "{:.9g}") + '\n'; }};
+  return {
+      .width = 1 + static_cast<std::size_t>(std::ranges::count(columns, ',')), .head = columns + "\n", .row = add_row};
 }
 
 /// A table that does not begin with the first column of ours is somebody else's.

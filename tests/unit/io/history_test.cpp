@@ -143,6 +143,19 @@ TEST(Traces, AreMergedByTheClockOfThisMachine) {
   EXPECT_NEAR(all[3]["ts"].get<double>(), 3'001'000.0, 900'000.0);  // a busy machine reads the clocks late
 }
 
+// A body at 1000 km moves by micrometres; ordinary numbers stay short.
+TEST(HistoryOfAProgram, HoldsMicrometresFarAway) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/far.csv";
+  History history(path, "time_s,x_m,y_m", {});
+  history.row({0.1, 1e6 + 2e-6, 1.0 / 3.0});
+  history.finish();
+  HistoryReader rows(path);
+  ASSERT_TRUE(rows.next());
+  EXPECT_NEAR(rows.at("x_m"), 1e6 + 2e-6, 1e-8);
+  EXPECT_EQ(rows.at("y_m"), 0.333333333);
+}
+
 TEST(HistoryOfAProgram, IsReadRowByRowAsFarAsItIsComplete) {
   const TemporaryFolder folder;
   HistoryReader rows(folder.write("a.csv",
