@@ -6,8 +6,6 @@
 
 #include <sys/stat.h>
 
-#include <algorithm>
-#include <ranges>
 #include <string>
 #include <vector>
 
@@ -272,39 +270,6 @@ INSTANTIATE_TEST_SUITE_P(Table, BrokenScene, testing::ValuesIn(broken_scenes()),
                          [](const auto& at) { return std::string(at.param.label); });
 
 TEST(SceneFile, TheTableStartsFromASceneThatLoads) { EXPECT_NO_THROW((void)load_text(Lines{}.text())); }
-
-TEST(SceneFile, AllErrorsAreListedEachWithItsPlace) {
-  const Lines lines{
-      .settings = "{h_s: fast, ratoi: 4, world: {substeps: 0}}",
-      .materials = "{wood: {friction: -1}}",
-      .body = "{name: cube, shape: box, size_m: [1, 1], mass_kg: -1, material: wod, positoin_m: [0, 0, 0]}",
-      .proxy = "{body: cubes}",  // perhaps the name of a body whose error hides it
-      .device = "{rate_hz: -5, path: [{move: [1, 0, 0], during_s: [1, 0]}]}",
-      .more = "colour: red\n"};
-  const TemporaryFolder folder;
-  const std::string message = refusal(folder.write("scene.yaml", lines.text()), folder.path());
-  std::vector<std::string> keys;
-  for (const auto line : std::views::split(message, '\n')) {
-    const std::string text(line.begin(), line.end());
-    const std::size_t key = text.find(": ") + 2;
-    keys.push_back(text.substr(key, text.find(": ", key) - key));
-  }
-  EXPECT_EQ(keys, (std::vector<std::string>{"colour", "settings.ratoi", "settings.h_s", "settings.world.substeps",
-                                            "materials.wood.friction", "bodies[0].positoin_m", "bodies[0].size_m",
-                                            "bodies[0].material", "bodies[0].mass_kg", "users[0].device.rate_hz",
-                                            "users[0].device.path[0].during_s"}))
-      << message;
-}
-
-TEST(SceneFile, TheFirstTwentyErrorsAreListed) {
-  std::string text = Lines{}.text();
-  const std::string fault = "  - {name: cube, shape: ball}\n";
-  for (int i = 0; i < 30; ++i) text.insert(text.find("users:"), fault);
-  const TemporaryFolder folder;
-  const std::string message = refusal(folder.write("scene.yaml", text), folder.path());
-  EXPECT_EQ(std::ranges::count(message, '\n'), 20) << message;
-  EXPECT_NE(message.find("only the first 20 errors are listed"), std::string::npos) << message;
-}
 
 TEST(SceneFile, MissingFileDirectoryAndDeviceAreNamed) {
   const TemporaryFolder folder;
