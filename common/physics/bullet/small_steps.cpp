@@ -31,6 +31,19 @@ btScalar speed_of(const Row& row, const BothMotion& motion) {
   return speeds[0] + speeds[1];
 }
 
+/// Speeds (m/s) along the normal of a bounce whose flight has the height that Newton's restitution e gives. Bodies
+/// advance v by f, then x by v h (f: by forces, h: a small step, d: gap). Such points lie on a parabola that has the
+/// speed v - f / 2 before the step, v being the speed after the forces.
+///   met at the touch:                            c^2 = (v - f / 2)^2 - 2 f d / h              (1)
+///   left at gap d, before the next small step:   (u + f / 2)^2 = e^2 c^2 + 2 f d / h          (2)
+btScalar touch_speed(btScalar speed, btScalar by_force, btScalar gap, btScalar h) {
+  const btScalar behind = speed - by_force / 2;
+  return behind < 0 ? btSqrt(btMax(behind * behind - 2 * by_force * gap / h, btScalar(0))) : btScalar(0);
+}
+btScalar bounce_speed(btScalar bounce, btScalar by_force, btScalar gap, btScalar h) {
+  return btSqrt(btMax(bounce * bounce + 2 * by_force * gap / h, btScalar(0))) - by_force / 2;
+}
+
 }  // namespace
 
 SmallStepSolver::SmallStepSolver() {
@@ -55,7 +68,7 @@ void SmallStepSolver::solve_group(std::span<btCollisionObject* const> bodies,
   const btScalar change = enough();
   for (int i = 0; i < count; ++i) {
     add_forces();
-    start_from_last();
+    start_from_last(h);
     solve(Contacts::springs, kMostSpringPasses, h, change);
     move(h);
     solve(Contacts::rigid, kMostRigidPasses, h, change);
@@ -64,7 +77,7 @@ void SmallStepSolver::solve_group(std::span<btCollisionObject* const> bodies,
       for (int k = 0; k < 2; ++k) p.across[k] += p.sides[k].impulse;
     }
   }
-  bounce_within_energy(count, info.m_restitutionVelocityThreshold, change);
+  bounce_within_energy(count, h, info.m_restitutionVelocityThreshold, change);
   write_impulses();
   write_motions(info);
 }
@@ -98,9 +111,11 @@ void SmallStepSolver::prepare_pair(btPersistentManifold& manifold) {
   Pair& pair = pairs_.emplace_back(make_pair_of(manifold, movers_, points_.size(), keeps_frictionless_));
   pair.restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
   const BothInertia inertia = inertia_of(movers_[pair.a], movers_[pair.b]);
+  const BothMotion by_forces = gather(by_loads(movers_[pair.a]), by_loads(movers_[pair.b]));
   for (int i = 0; i < manifold.getNumContacts(); ++i) {
     const btManifoldPoint& point = manifold.getContactPoint(i);
     prepare_point(point, arms_of(manifold, point), inertia, pair.rubs);
+    if (pair.restitution != 0) points_.back().by_force = speed_of(points_.back().normal, by_forces);
   }
   pair.end = static_cast<std::uint32_t>(points_.size());
 }
@@ -118,7 +133,7 @@ void SmallStepSolver::prepare_point(const btManifoldPoint& point, const Both3& a
   const btVector3 place = point.getPositionWorldOnB().absolute();
   p.noise = kPlaceRounding * place[place.maxAxis()];
   p.start = p.gap = point.getDistance();
-  p.met = 0;
+  p.met = p.by_force = 0;
   p.total = p.across[0] = p.across[1] = 0;
   p.bounced = false;
   const LastPart last = last_part_of(point);
@@ -137,13 +152,12 @@ void SmallStepSolver::add_forces() {
   }
 }
 
-void SmallStepSolver::start_from_last() {
+void SmallStepSolver::start_from_last(btScalar h) {
   for (const Pair& pair : pairs_) {
     BothMotion motion = gather(motions_[pair.a], motions_[pair.b]);
     for (std::size_t i = pair.begin; i < pair.end; ++i) {
       Point& p = points_[i];
-      // A bounce uses the speed of the approach, with the change by forces until then.
-      if (pair.restitution != 0 && p.total == 0) p.met = speed_of(p.normal, motion);
+      if (pair.restitution != 0 && p.total == 0) p.met = touch_speed(speed_of(p.normal, motion), p.by_force, p.gap, h);
       if (p.normal.impulse != 0) apply(p.normal, pair.inverse_mass, p.normal.impulse, motion);
       if (!p.held) continue;
       for (const Row& row : p.sides) apply(row, pair.inverse_mass, row.impulse, motion);
@@ -242,41 +256,45 @@ void SmallStepSolver::move(btScalar h) {
   }
 }
 
-// Newton's restitution, from the speed before the step. The next step does not start from the impulse of a bounce.
-void SmallStepSolver::bounce_within_energy(int count, btScalar threshold, btScalar enough) {
+// Newton's restitution, from the speed at the touch. The next step does not start from the impulse of a bounce.
+void SmallStepSolver::bounce_within_energy(int count, btScalar h, btScalar threshold, btScalar enough) {
   const auto bounces = [&](const Pair& pair) {
     const auto points = std::span(points_).subspan(pair.begin, pair.end - pair.begin);
-    const auto met = [&](const Point& p) { return p.met <= -threshold && p.total != 0; };
+    const auto met = [&](const Point& p) { return p.met >= threshold && p.total != 0; };
     return pair.restitution > 0 && std::ranges::any_of(points, met);
   };
   if (std::ranges::none_of(pairs_, bounces)) return;
   bounce_limit_.begin(movers_);
   for (const Pair& pair : pairs_) bounce_limit_.join(pair.a, pair.b, bounces(pair));
   before_.resize(movers_.size());
+  after_.resize(movers_.size());
   for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
-    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]), btScalar(count));
+    before_[i] = sum(motion_of(movers_[i]), by_loads(movers_[i]), btScalar(count) + btScalar(0.5));
   }
   plastic_ = motions_;
   plastic_points_ = points_;
   for (int tries = 1; tries <= BounceLimit::kMostTries + 1; ++tries) {
-    bounce(threshold, enough);
-    if (tries > BounceLimit::kMostTries || !bounce_limit_.lower(before_, motions_, tries == BounceLimit::kMostTries))
-      return;
+    bounce(h, threshold, enough);
+    if (tries > BounceLimit::kMostTries) return;
+    for (std::size_t i = kFixed + 1; i < movers_.size(); ++i)
+      after_[i] = sum(motions_[i], by_loads(movers_[i]), btScalar(0.5));
+    if (!bounce_limit_.lower(before_, after_, tries == BounceLimit::kMostTries)) return;
     motions_ = plastic_;
     points_ = plastic_points_;
   }
 }
 
-void SmallStepSolver::bounce(btScalar threshold, btScalar enough) {
+void SmallStepSolver::bounce(btScalar h, btScalar threshold, btScalar enough) {
   until_quiet(kMostRigidPasses, enough, [&](const Pair& pair, BothMotion& motion) {
     btScalar change = 0;
     if (pair.restitution == 0) return change;
     const btScalar restitution = bounce_limit_.factor(pair.a, pair.b) * pair.restitution;
     for (std::size_t i = pair.begin; i < pair.end; ++i) {
       Point& p = points_[i];
-      if (p.met > -threshold || p.total == 0) continue;
+      if (p.met < threshold || p.total == 0) continue;
       p.bounced = true;
-      const btScalar missing = -restitution * p.met - speed_of(p.normal, motion);
+      const btScalar left = bounce_speed(restitution * p.met, p.by_force, p.gap, h);
+      const btScalar missing = left - speed_of(p.normal, motion);
       const btScalar by = btMax(missing * p.normal.step, -p.normal.impulse);
       p.normal.impulse += by;
       p.total += by;

@@ -47,7 +47,8 @@ class SmallStepSolver final : public GroupSolver {
     btScalar start;      ///< gap before the step, m
     btScalar gap;        ///< present gap, m
     btScalar noise;      ///< rounding of gaps, m
-    btScalar met;        ///< speed along the normal at the first touch, m/s
+    btScalar met;        ///< speed of approach at the first touch, m/s
+    btScalar by_force;   ///< change of the speed along the normal by forces in a small step, m/s; with restitution only
     btScalar total;      ///< of all small steps so far, along the normal, N s
     btScalar across[2];  ///< likewise of friction
     bool held;           ///< some friction impulse is not 0
@@ -79,7 +80,7 @@ class SmallStepSolver final : public GroupSolver {
   [[nodiscard]] btScalar enough() const;
 
   void add_forces();
-  void start_from_last();
+  void start_from_last(btScalar h);
   void solve(Contacts as, int most, btScalar h, btScalar enough);
   void solve_friction(const Pair& pair, BothMotion& motion);
   /// Returns the largest change of a velocity, m/s.
@@ -87,8 +88,8 @@ class SmallStepSolver final : public GroupSolver {
   btScalar solve_normals(const Pair& pair, const Spring& spring, btScalar h, BothMotion& motion);
   void move(btScalar h);
   /// Applies restitution, reduced so that it gains no energy over the step of `count` small steps.
-  void bounce_within_energy(int count, btScalar threshold, btScalar enough);
-  void bounce(btScalar threshold, btScalar enough);
+  void bounce_within_energy(int count, btScalar h, btScalar threshold, btScalar enough);
+  void bounce(btScalar h, btScalar threshold, btScalar enough);
   /// Calls `visit(pair, motion)`, which returns the largest change of a velocity, for every pair. Then calls it, at
   /// most `most` times in all, for those whose bodies changed by more than `enough`.
   template <class Visit>
@@ -97,6 +98,7 @@ class SmallStepSolver final : public GroupSolver {
   void write_impulses() const;
   void write_motions(const btContactSolverInfo& info);
 
+  std::vector<Motion> after_;          ///< velocities at which bounces are compared with before_
   std::vector<Motion> plastic_;        ///< motions_ before bounces
   std::vector<Point> plastic_points_;  ///< points_ before bounces
   std::vector<Motion> motions_;        ///< velocities
