@@ -3,7 +3,6 @@
 #include "patch.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -12,7 +11,9 @@ namespace subworld::ode {
 
 namespace {
 
-constexpr int kMostPoints = 16;        ///< of a pair, in the solver
+constexpr std::size_t kMostPoints = 16;  ///< of a pair, in the solver
+constexpr double kSameDepth = 1e-8;      ///< m; of points that differ by rounding, always the same ones are kept
+constexpr double kSameDistance = 1e-6;
 constexpr double kSliding = 1e-4;      ///< m/s; slower contacts count as sticking
 constexpr double kSamePlace = 0.01;    ///< m, largest motion of one contact point between two steps
 constexpr double kQuietImpact = 1e-3;  ///< m/s; an impact below this plus twice the step's gravity does not bounce
@@ -25,20 +26,23 @@ Solid solid(const Slot& slot, const ShapeStore& shapes) {
 }
 
 /// Leaves the deepest point and those that differ most in place and normal; the number of points that are left.
-int spread(std::span<dContactGeom> points) {
-  if (points.size() <= kMostPoints) return static_cast<int>(points.size());
-  std::ranges::iter_swap(points.begin(), std::ranges::max_element(points, {}, &dContactGeom::depth));
+std::size_t spread(std::span<dContactGeom> points) {
+  if (points.size() <= kMostPoints) return points.size();
+  std::size_t deepest = 0;
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    if (points[i].depth > points[deepest].depth + kSameDepth) deepest = i;
+  }
+  std::swap(points[0], points[deepest]);
   double size_m = 0.0;
   for (const dContactGeom& p : points) size_m = std::max(size_m, (from_ode(p.pos) - from_ode(points[0].pos)).norm());
-  std::array<double, 2 * kMostOfMesh> nearest;  // distance to the points before
-  nearest.fill(std::numeric_limits<double>::max());
+  std::vector<double> nearest(points.size(), std::numeric_limits<double>::max());  // distance to the points before
   for (std::size_t n = 1; n < kMostPoints; ++n) {
     std::size_t farthest = n;
     for (std::size_t i = n; i < points.size(); ++i) {
       const Vec3 way = from_ode(points[i].pos) - from_ode(points[n - 1].pos);
       const Vec3 turn = size_m * (from_ode(points[i].normal) - from_ode(points[n - 1].normal));
       nearest[i] = std::min(nearest[i], way.squaredNorm() + turn.squaredNorm());
-      if (nearest[i] > nearest[farthest]) farthest = i;
+      if (nearest[i] > nearest[farthest] * (1.0 + kSameDistance)) farthest = i;
     }
     std::swap(points[n], points[farthest]);
     std::swap(nearest[n], nearest[farthest]);
@@ -59,7 +63,7 @@ int collide(const Slot& a, const Slot& b, std::span<dContactGeom> found) {
   // A hull's contact with a triangle that it meets from behind has no depth.
   const auto end =
       std::remove_if(found.begin(), found.begin() + count, [](const dContactGeom& c) { return c.depth <= 0.0; });
-  return spread(found.first(static_cast<std::size_t>(end - found.begin())));
+  return static_cast<int>(end - found.begin());
 }
 
 }  // namespace
@@ -88,15 +92,23 @@ void ContactPoints::find() {
     const ShapeKind kind_a = slots_[a].shape_kind;
     const ShapeKind kind_b = slots_[b].shape_kind;
     const double skins = skin(kind_a) + skin(kind_b);
-    const int count = collide(slots_[a], slots_[b], found_);
-    if (count > 0 && needs_patch(kind_a, kind_b)) {
-      Vec3 normal = from_ode(found_[0].normal);
+    auto found = std::span(found_).first(static_cast<std::size_t>(collide(slots_[a], slots_[b], found_)));
+    if (found.empty()) continue;
+    if (needs_patch(kind_a, kind_b)) {
+      Vec3 normal = from_ode(found[0].normal);
       const auto touching = patch(solid(slots_[a], shapes_), solid(slots_[b], shapes_), normal);
       for (const auto& [point, depth] : touching) points_.push_back({a, b, point, normal, skins - depth});
       if (!touching.empty()) continue;
     }
-    for (const dContactGeom& found : std::span(found_).first(static_cast<std::size_t>(count)))
-      points_.push_back({a, b, from_ode(found.pos), from_ode(found.normal), skins - found.depth});
+    if (kind_a == ShapeKind::mesh || kind_b == ShapeKind::mesh) {
+      const bool first = kind_b == ShapeKind::mesh;
+      const Slot& body = slots_[first ? a : b];
+      if (body.shape_kind != ShapeKind::sphere)
+        found = mesh_points_.refine(solid(body, shapes_), body.geom, first, found);
+      found = found.first(spread(found));
+    }
+    for (const dContactGeom& point : found)
+      points_.push_back({a, b, from_ode(point.pos), from_ode(point.normal), skins - point.depth});
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include "body.hpp"
 #include "friction.hpp"
+#include "mesh_points.hpp"
 #include "physics/contact_totals.hpp"
 #include "shapes.hpp"
 
@@ -52,6 +53,7 @@ class ContactPoints {
   dJointGroupID joints_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
   std::vector<dContactGeom> found_;  ///< of one pair, in ODE's format
+  MeshPoints mesh_points_;
   std::vector<ContactPoint> points_;
   std::vector<dJointFeedback> feedback_;  ///< of points_
   std::vector<FrictionMemory::At> pair_;  ///< the points of one pair

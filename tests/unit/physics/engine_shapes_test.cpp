@@ -1,6 +1,7 @@
 // Each kind of shape rests at the height of its geometry, in every engine.
 
 #include "model/error.hpp"
+#include "model/shapes/mass_properties.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
@@ -215,6 +216,28 @@ TEST_P(Shapes, AMeshThatIsNotThereIsAnError) {
 
 INSTANTIATE_TEST_SUITE_P(Engines, Shapes, testing::ValuesIn(test::tested_engines({0.001, 0.004}, {0.001})),
                          test::name_of);
+
+/// Newton's first law, where a body touches more points of a mesh than are kept: without friction it keeps its speed.
+TEST(BulletMesh, APlateOverManyCellsKeepsItsSpeed) {
+  const std::vector<Mesh> cells{open_mesh(100, 100)};
+  const auto engine = test::Tested{"bullet", "fast"}.make(cells);
+  Body floor;
+  floor.id = kFloor;
+  floor.shape = {.kind = ShapeKind::mesh, .mesh = 0};
+  floor.material.friction = 0.0;
+  engine->add(floor, BodyState{});
+  Body plate;
+  plate.id = kBody;
+  plate.shape = {.kind = ShapeKind::box, .half_extents = {0.15, 0.1, 0.02}};
+  plate.mass = 0.5;
+  plate.inertia = principal_inertia(plate.shape, plate.mass);
+  plate.material.friction = 0.0;
+  BodyState state = test::at(-0.2, 0, 0.22);
+  state.linear_velocity = Vec3(1, 0.07, 0);
+  engine->add(plate, state);
+  test::run(*engine, 75, 0.004);
+  EXPECT_LT((engine->state(kBody).linear_velocity - state.linear_velocity).norm(), 1e-3);
+}
 
 }  // namespace
 }  // namespace subworld

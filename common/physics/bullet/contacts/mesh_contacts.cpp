@@ -2,6 +2,7 @@
 #include "physics/bullet/contacts/convex_contacts.hpp"
 #include "physics/bullet/contacts/convex_points.hpp"
 #include "physics/bullet/contacts/corners.hpp"
+#include "physics/triangle_edges.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -47,8 +48,6 @@ class ConvexMesh final : public ContactAlgorithm {
   static constexpr std::size_t kMostFound = 64;
   static constexpr std::size_t kUsuallyNear = 256;  ///< triangles: more cost an allocation once
   static constexpr double kAlong = 1.0 - 1e-7;      ///< cosine: a contact along the triangle's normal is no edge's
-  static constexpr double kAbove = 1e-3;            ///< sine: a triangle that rises more steeply is above a plane
-  using Triangle = std::array<Vec3, 3>;
 
   /// Points of all triangles that push in one direction.
   struct Group {
@@ -170,31 +169,9 @@ class ConvexMesh final : public ContactAlgorithm {
   /// Whether a triangle that meets another one's contact rises beyond it: then the contact is none of the surface.
   [[nodiscard]] bool is_inner(const Patch& patch) const {
     const Vec3& deepest = std::ranges::min(patch.all(), {}, &PatchPoint::distance).on_b;
-    return std::ranges::any_of(nearby_, [&](const auto& one) { return rises(one.first, deepest, patch.normal); });
+    return std::ranges::any_of(
+        nearby_, [&](const auto& one) { return rises(one.first, deepest, patch.normal, kFine * reach_); });
   }
-  /// Whether a triangle has the point, and from there a way within it that leads up.
-  [[nodiscard]] bool rises(const Triangle& corners, const Vec3& point, const Vec3& up) const {
-    const double near_m = kFine * reach_;
-    const Vec3 normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
-    if (std::abs(normal.dot(point - corners[0])) > near_m) return false;
-    const Vec3 steepest = up - up.dot(normal) * normal;
-    Vec3 way = steepest;
-    std::size_t edges = 0;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const Vec3 outwards = (corners[(i + 1) % 3] - corners[i]).cross(normal).normalized();
-      const double outside_m = outwards.dot(point - corners[i]);
-      if (outside_m > near_m) return false;
-      if (outside_m < -near_m) continue;
-      ++edges;
-      if (steepest.dot(outwards) > 0.0) way -= steepest.dot(outwards) * outwards;
-    }
-    if (edges < 2 || way == steepest) return way.norm() > kAbove;
-    return std::ranges::any_of(corners, [&](const Vec3& corner) {
-      const Vec3 there = corner - point;
-      return up.dot(there) > kAbove * (there.norm() + near_m);
-    });
-  }
-
   /// Of more points than there is room for, the outermost ones and the deepest remain.
   static void thin(Group& group) {
     constexpr int kOutermost = 16;
@@ -316,10 +293,10 @@ class ConvexMesh final : public ContactAlgorithm {
   std::size_t groups_ = 0;
   // Shared: the algorithms run one after the other.
   static thread_local std::array<Group, kDirections> group_;
-  static thread_local std::vector<std::pair<Triangle, int>> nearby_;  ///< triangles in reach, and their numbers
+  static thread_local std::vector<std::pair<TriangleCorners, int>> nearby_;  ///< triangles in reach, and their numbers
 };
 thread_local std::array<ConvexMesh::Group, ConvexMesh::kDirections> ConvexMesh::group_;
-thread_local std::vector<std::pair<ConvexMesh::Triangle, int>> ConvexMesh::nearby_;
+thread_local std::vector<std::pair<TriangleCorners, int>> ConvexMesh::nearby_;
 
 }  // namespace
 
