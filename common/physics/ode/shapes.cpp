@@ -5,6 +5,7 @@
 #include "model/vectors.hpp"
 #include "physics/adapter.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
 namespace subworld::ode {
@@ -13,16 +14,48 @@ ShapeStore::~ShapeStore() {
   for (auto& [mesh, held] : triangles_) dGeomTriMeshDataDestroy(held.data);
 }
 
+namespace {
+
+/// Normals of the faces at each vertex of a hull.
+std::vector<std::vector<Vec3>> normals_at_vertices(const Mesh& hull) {
+  std::vector<std::vector<Vec3>> normals(hull.vertices.size());
+  for (const auto& corners : hull.triangles) {
+    const Vec3& p = hull.vertices[corners[0]];
+    const Vec3 normal = (hull.vertices[corners[1]] - p).cross(hull.vertices[corners[2]] - p).normalized();
+    for (const std::uint32_t corner : corners) normals[corner].push_back(normal);
+  }
+  return normals;
+}
+
+/// A hull without the vertices within its faces and edges. With them, the solver would have more points of a divided
+/// face than it can solve, and stacks would creep.
+Mesh hull_of_corners(const Mesh& source) {
+  constexpr double kBent = 1e-3;  // sine of the least angle between faces
+  Mesh hull = convex_hull(source);
+  const auto normals = normals_at_vertices(hull);
+  std::vector<Vec3> corners;
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const Vec3& normal : normals[i]) spread += normal * normal.transpose();
+    const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvalues().x();
+    if (least > kBent * kBent) corners.push_back(hull.vertices[i]);
+  }
+  if (corners.size() == hull.vertices.size() || corners.size() < 4) return hull;
+  hull.vertices = corners;
+  return convex_hull(hull);
+}
+
+}  // namespace
+
 ShapeStore::Hull ShapeStore::grown_hull(const Mesh& source) {
-  const Mesh hull = convex_hull(source);
+  const Mesh hull = hull_of_corners(source);
   Hull grown;
-  std::vector<std::vector<Vec3>> normals(hull.vertices.size());  // of the faces at each vertex
+  const auto normals = normals_at_vertices(hull);
   for (const auto& corners : hull.triangles) {
     const Vec3& p = hull.vertices[corners[0]];
     const Vec3 normal = (hull.vertices[corners[1]] - p).cross(hull.vertices[corners[2]] - p).normalized();
     grown.planes.insert(grown.planes.end(), {normal.x(), normal.y(), normal.z(), normal.dot(p) + kSkin});
     grown.polygons.insert(grown.polygons.end(), {3U, corners[0], corners[1], corners[2]});
-    for (const std::uint32_t corner : corners) normals[corner].push_back(normal);
   }
   // Each vertex moves to the intersection of the enlarged faces; with more than three, in the sense of least squares.
   for (std::size_t i = 0; i < hull.vertices.size(); ++i) {

@@ -239,5 +239,35 @@ TEST(BulletMesh, APlateOverManyCellsKeepsItsSpeed) {
   EXPECT_LT((engine->state(kBody).linear_velocity - state.linear_velocity).norm(), 1e-3);
 }
 
+/// A cube of 0.1 m whose faces have 8 x 8 cells, as a drawing program writes it.
+Mesh divided_cube() {
+  Mesh mesh;
+  mesh.file = "divided";
+  for (int i = 0; i < 9 * 9 * 9; ++i) {
+    const Vec3 at = Vec3(i % 9, i / 9 % 9, i / 81) / 4.0 - Vec3::Ones();
+    if (at.cwiseAbs().maxCoeff() == 1.0) mesh.vertices.push_back(0.05 * at);
+  }
+  return mesh;
+}
+TEST(OdeHulls, AStackOfDividedCubesStands) {
+  const std::vector<Mesh> meshes{divided_cube()};
+  const auto engine = test::Tested{"ode", "fast"}.make(meshes);
+  Body floor;
+  floor.id = kFloor;
+  floor.shape = {.kind = ShapeKind::box, .half_extents = {1, 1, 0.5}};
+  engine->add(floor, test::at(0, 0, -0.5));
+  Body divided;
+  divided.shape = {.kind = ShapeKind::convex, .mesh = 0};
+  divided.mass = 1.0;
+  divided.inertia = principal_inertia({.kind = ShapeKind::box, .half_extents = Vec3::Constant(0.05)}, divided.mass);
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    divided.id = BodyId{i};
+    engine->add(divided, test::at(0, 0.3, 0.1 * i - 0.05));
+  }
+  test::run(*engine, 500, 0.004);
+  for (std::uint32_t i = 1; i <= 3; ++i)
+    EXPECT_LT((engine->state(BodyId{i}).position - Vec3(0, 0.3, 0.1 * i - 0.05)).norm(), 1e-3) << "cube " << i;
+}
+
 }  // namespace
 }  // namespace subworld
