@@ -14,7 +14,7 @@ namespace subworld::ode {
 /// Replaces ODE's points of a solid (not a sphere) on triangles. ODE takes the least overlap of a triangle for its
 /// contact: where a solid has just begun to cover one, that is the solid's side, which stops at each inner edge. For
 /// hulls it misses triangles, and its normals are inexact. Now each triangle that a solid overlaps has all points of
-/// the solid's patch on it, and contacts at inner edges are left out.
+/// the solid's patch on it, and contacts at inner edges are omitted.
 class MeshPoints {
  public:
   MeshPoints() : probe_(dCreateBox(nullptr, 1.0, 1.0, 1.0)), near_(kMostOfMesh) {}
