@@ -1,6 +1,7 @@
 // Programs of one run die and are halted at random, and come back; between hosts, cables are pulled too. Nobody else is
 // affected, and nothing is lost. Longer, or with other seeds: SUBWORLD_CHURN_FAULTS and SUBWORLD_CHURN_SEED.
 #include "process/sessions/sessions.hpp"
+#include "support/grid.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>
@@ -286,11 +287,11 @@ TEST_P(Churn, AffectsNobodyElseAndLosesNothing) {
       name_of(GetParam()), kills, halts, cuts, text(absent_s), text(world_away_s), steps, fades, grown_mb, verdict);
 }
 
-INSTANTIATE_TEST_SUITE_P(Vendors, Churn,
-                         ::testing::Values(ChurnCase{"fastdds"}, ChurnCase{"cyclonedds"}, ChurnCase{"mixed"},
-                                           ChurnCase{"cyclonedds", true}, ChurnCase{"fastdds", true},
-                                           ChurnCase{"mixed", true}),
-                         [](const auto& one) { return name_of(one.param); });
+const Halves<ChurnCase> kCases = halves<ChurnCase>(
+    {{"fastdds"}, {"cyclonedds"}, {"mixed"}, {"fastdds", true}, {"cyclonedds", true}, {"mixed", true}}, 3);
+std::string name_of_case(const ::testing::TestParamInfo<ChurnCase>& one) { return name_of(one.param); }
+INSTANTIATE_TEST_SUITE_P(Vendors, Churn, ::testing::ValuesIn(kCases.half), name_of_case);
+INSTANTIATE_TEST_SUITE_P(FullRealtime, Churn, ::testing::ValuesIn(kCases.other), name_of_case);
 
 }  // namespace
 }  // namespace subworld::test

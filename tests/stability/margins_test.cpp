@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <random>
 #include <set>
 #include <string>
 
@@ -21,17 +22,20 @@ std::string key_of(const Json& row) {
          " " + label_of(row);
 }
 
-// The list shrinks when an engine improves; a row that is not in it must pass.
-TEST(Margins, NoRowIsMissedThatIsNotKnown) {
+/// The list shrinks when an engine improves; a row that is not in it must pass. The two halves of the rows are drawn,
+/// so that each has all engines, presets, steps and cases.
+void expect_known_misses_only(unsigned half) {
   std::ifstream file(KNOWN_MISSES);
   ASSERT_TRUE(file) << KNOWN_MISSES;
   std::set<std::string> known;
   for (std::string line; std::getline(file, line);) {
     if (!line.empty() && line.front() != '#') known.insert(line);
   }
+  std::mt19937 random(1);
   int rows = 0, held = 0;
   for (const StabilityPoint& point :
        points_of({.names = {}, .engines = engine_names(), .presets = {}, .steps_s = {}, .quick = true})) {
+    if (random() % 2 != half) continue;
     const std::optional<Json> row = measured_row(point);
     ASSERT_TRUE(row) << "interrupted";
     ++rows;
@@ -41,6 +45,9 @@ TEST(Margins, NoRowIsMissedThatIsNotKnown) {
   }
   EXPECT_GT(held, rows / 2);
 }
+
+TEST(Margins, NoRowIsMissedThatIsNotKnown) { expect_known_misses_only(0); }
+TEST(FullMargins, NoRowIsMissedThatIsNotKnown) { expect_known_misses_only(1); }
 
 }  // namespace
 }  // namespace subworld

@@ -3,6 +3,7 @@
 #include "lab/session/cpu_time.hpp"
 #include "model/scene/scene.hpp"
 #include "physics/engine.hpp"
+#include "support/grid.hpp"
 
 #include <fmt/core.h>
 #include <gtest/gtest.h>
@@ -45,12 +46,12 @@ struct Case {
   }
 };
 
-std::vector<Case> cases() {
+test::Halves<Case> cases() {
   std::vector<Case> all;
   for (const Structure& structure : kStructures) {
     for (const std::string& engine : engine_names()) all.push_back({&structure, engine});
   }
-  return all;
+  return test::halves(all, engine_names().size());
 }
 
 /// The bodies that decide whether the structure stands, with the largest displacement (m) of each.
@@ -110,9 +111,11 @@ TEST_P(Structures, StandForAMinute) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, Structures, testing::ValuesIn(cases()), [](const auto& tested) {
+std::string name_of(const testing::TestParamInfo<Case>& tested) {
   return fmt::format("{}_{}", tested.param.structure->scene, tested.param.engine);
-});
+}
+INSTANTIATE_TEST_SUITE_P(Engines, Structures, testing::ValuesIn(cases().half), name_of);
+INSTANTIATE_TEST_SUITE_P(Full, Structures, testing::ValuesIn(cases().other), name_of);
 
 }  // namespace
 }  // namespace subworld

@@ -5,17 +5,16 @@
 namespace subworld::test {
 namespace {
 
-class Repeat : public ProcessTest, public ::testing::WithParamInterface<int> {};
+class Repeat : public ProcessTest, public ::testing::WithParamInterface<std::pair<int, int>> {};  // users, runs
 
-// Five simulated seconds of the heap, ten times, with every vendor: one hash.
+// Five simulated seconds of the heap, with every vendor: one hash.
 TEST_P(Repeat, the_heap_ends_in_one_state) {
   std::set<std::string> hashes;
   const Words vendors{"fastdds", "cyclonedds", "mixed"};
-  const int repeats = GetParam() == 1 ? 10 : 4;
+  const auto [users, repeats] = GetParam();
   for (int i = 0; i < repeats; ++i) {
-    const Ended ended =
-        run(scene("heap"), {"--mode", "lockstep", "--duration", "5", "--users", std::to_string(GetParam()), "--dds",
-                            vendors[static_cast<std::size_t>(i) % vendors.size()]});
+    const Ended ended = run(scene("heap"), {"--mode", "lockstep", "--duration", "5", "--users", std::to_string(users),
+                                            "--dds", vendors[static_cast<std::size_t>(i) % vendors.size()]});
     ASSERT_EQ(ended.code, 0) << ended.err;
     const Json json = summary();
     hashes.insert(json["state_hash"]);
@@ -28,7 +27,8 @@ TEST_P(Repeat, the_heap_ends_in_one_state) {
   EXPECT_EQ(hashes.size(), 1U);
 }
 
-INSTANTIATE_TEST_SUITE_P(users, Repeat, testing::Values(1, 2));
+INSTANTIATE_TEST_SUITE_P(Vendors, Repeat, testing::Values(std::pair(1, 3), std::pair(2, 3)));
+INSTANTIATE_TEST_SUITE_P(Full, Repeat, testing::Values(std::pair(1, 10), std::pair(2, 4)));
 
 }  // namespace
 }  // namespace subworld::test
