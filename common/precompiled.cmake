@@ -51,7 +51,7 @@ subworld_precompiled(precompiled_cold $<$<CONFIG:Release>:-O1>)
 if(BUILD_TESTING)
   find_package(GTest REQUIRED)
   find_package(nlohmann_json REQUIRED)
-  subworld_precompiled(precompiled_tests $<$<CONFIG:Release>:-O1> LINK GTest::gtest nlohmann_json::nlohmann_json
+  subworld_precompiled(precompiled_tests $<$<CONFIG:Release>:-O0> LINK GTest::gtest nlohmann_json::nlohmann_json
                        HEADERS <gtest/gtest.h> <nlohmann/json.hpp>)
 endif()
 subworld_use_precompiled(${PROJECT_SOURCE_DIR})
