@@ -65,7 +65,7 @@ std::size_t length_of(const Pressed& all) {
 TEST_F(Touch, ByAMouseInABrowserHasTheForceOfTheSameMotion) {
   // Each absence but that after the last release is a browser that had no core for 0.25 s.
   int absences = 0, missed = 0;
-  for (int tries = 0; tries < 3 && (absences != 1 || missed > 5); ++tries) {
+  for (int tries = 0; tries < 2 && (absences != 1 || missed > 5); ++tries) {
     const Ended touched = touch("touch_client.py");
     if (touched.code == kNotShown) FAIL() << touched.out;
     ASSERT_EQ(touched.code, 0) << touched.err << read_text(out() + "/logs/gui_headless.log");
