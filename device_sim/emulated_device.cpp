@@ -22,14 +22,14 @@ constexpr double kSameTime = 1e-6;                            ///< relative tole
 EmulatedDevice::EmulatedDevice(const DeviceSpec& spec, std::uint32_t device)
     : spec_(spec), operator_(spec.operator_model.value_or(OperatorSpec{})) {
   state_.device = device;
-  const PathPoint start = evaluate(spec_.path, 0.0);
+  const PathPoint start = evaluate(spec_.path, 0.0, spec_.profile);
   handle_.position = start.offset.position;
   handle_.orientation = start.offset.orientation;
   read_sensors();
 }
 
 PathPoint EmulatedDevice::path(double time_s) const noexcept {
-  PathPoint at = evaluate(spec_.path, time_s);
+  PathPoint at = evaluate(spec_.path, time_s, spec_.profile);
   if (!resumed_) return at;
   at.offset.position += resumed_->position;
   at.offset.orientation = at.offset.orientation * resumed_->orientation;

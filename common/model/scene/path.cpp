@@ -15,9 +15,19 @@ std::pair<Vec3, Vec3> plane_of(const Vec3& axis) {
   return {first, axis.cross(first)};
 }
 
+/// Part of the way that is made after the part `s` of the time, and its derivative.
+struct Progress {
+  double part, rate;
+};
+
+Progress progress_of(Profile profile, double s) noexcept {
+  if (profile == Profile::constant) return {s, 1.0};
+  return {s * s * s * (10.0 + s * (6.0 * s - 15.0)), 30.0 * s * s * (1.0 - s) * (1.0 - s)};
+}
+
 }  // namespace
 
-PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
+PathPoint evaluate(const std::vector<PathSegment>& path, double t_s, Profile profile) noexcept {
   PathPoint at;
   for (const PathSegment& s : path) {
     if (s.kind == PathSegment::Kind::wave) continue;
@@ -27,18 +37,20 @@ PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept {
         s.every_s > 0.0 ? std::floor((t_s - s.from_s) / s.every_s) : 0.0;  // completed repetitions before this one
     const double passed_s = t_s - s.from_s - made * s.every_s;
     const bool moving = passed_s < length_s;
-    const double part = made + (length_s > 0.0 ? std::clamp(passed_s / length_s, 0.0, 1.0) : 1.0);
+    const Progress now =
+        progress_of(s.profile.value_or(profile), length_s > 0.0 ? std::clamp(passed_s / length_s, 0.0, 1.0) : 1.0);
+    const double part = made + now.part;
     switch (s.kind) {
       case PathSegment::Kind::move:
         at.offset.position += part * s.displacement;
-        if (moving) at.linear_velocity += s.displacement / length_s;
+        if (moving) at.linear_velocity += now.rate * s.displacement / length_s;
         break;
       case PathSegment::Kind::turn: {
         // Earlier repetitions rotate this one, and its angular velocity.
         const Quat turned = rotation_deg(s.axis, part * s.angle * (180.0 / M_PI));
         at.offset.orientation = turned * at.offset.orientation;
         at.angular_velocity = turned * at.angular_velocity;
-        if (moving) at.angular_velocity += s.axis * (s.angle / length_s);
+        if (moving) at.angular_velocity += s.axis * (now.rate * s.angle / length_s);
         break;
       }
       case PathSegment::Kind::circle: {

@@ -12,12 +12,17 @@
 
 namespace subworld {
 
+/// How fast a move or a turn goes on its way: at constant speed, which jumps at both ends, or as an arm moves, with the
+/// least jerk: 10 s^3 - 15 s^4 + 6 s^5 of the way after the part s of the time (Flash and Hogan 1985).
+enum class Profile : std::uint8_t { constant, minimum_jerk };
+
 /// One segment of a device path; the segments of a path add up. Displacements are relative to the start pose.
 struct PathSegment {
   enum class Kind : std::uint8_t { move, turn, circle, wave };
   Kind kind = Kind::move;
   double from_s = 0.0;
   double to_s = 0.0;                 ///< move and turn: reached at this time and held; circle: infinity if not given
+  std::optional<Profile> profile;    ///< move and turn; none: the device's
   double every_s = 0.0;              ///< move and turn: period of repetition, each on top of the last one; 0: once
   Vec3 displacement = Vec3::Zero();  ///< move: m
   Vec3 axis = Vec3::UnitZ();         ///< turn, circle: unit
@@ -36,8 +41,9 @@ struct PathPoint {
   Vec3 angular_velocity = Vec3::Zero();
 };
 
-/// Pose and velocity of a path at time t >= 0.
-[[nodiscard]] PathPoint evaluate(const std::vector<PathSegment>& path, double t_s) noexcept;
+/// Pose and velocity of a path at time t >= 0. `profile`: of segments that have none of their own.
+[[nodiscard]] PathPoint evaluate(const std::vector<PathSegment>& path, double t_s,
+                                 Profile profile = Profile::constant) noexcept;
 
 enum class DeviceKind : std::uint8_t { impedance, admittance };
 
@@ -69,6 +75,7 @@ struct DeviceSpec {
   double friction_n = 0.1;             ///< Coulomb
   double position_resolution_m = 0.0;  ///< 0: exact
   std::vector<PathSegment> path;
+  Profile profile = Profile::constant;         ///< of the path
   std::optional<OperatorSpec> operator_model;  ///< none: the device follows the path whatever the force
 };
 

@@ -13,6 +13,7 @@ constexpr Limits kTime{.least = 0.0, .most = 1e6};                           // 
 constexpr Limits kLongerThanZero{.least = 0.0, .most = 1e6, .above = true};  // s, m
 
 const std::initializer_list<std::string_view> kSegmentForms = {"move", "turn", "circle", "wave"};
+const std::initializer_list<std::string_view> kProfiles = {"constant", "minimum_jerk"};
 
 void read_during(const YamlMap& map, PathSegment& segment) {
   map.forbid({"from_s", "to_s"}, "this segment has during_s");
@@ -21,6 +22,7 @@ void read_during(const YamlMap& map, PathSegment& segment) {
   if (!(span[1] > span[0])) during.fail(fmt::format("must end after it begins, not [{}, {}]", span[0], span[1]));
   segment.from_s = span[0];
   segment.to_s = span[1];
+  if (const auto profile = map.find("profile")) segment.profile = static_cast<Profile>(profile->choice(kProfiles));
   if (const auto every = map.find("every_s")) {
     segment.every_s = every->number(kTime);
     if (segment.every_s < span[1] - span[0]) {
@@ -31,7 +33,7 @@ void read_during(const YamlMap& map, PathSegment& segment) {
 }
 
 void read_from_to(const YamlMap& map, PathSegment& segment, bool ends) {
-  map.forbid({"during_s", "every_s"}, "circle and wave have from_s");
+  map.forbid({"during_s", "every_s", "profile"}, "circle and wave have from_s");
   map.read("from_s", segment.from_s, kTime);
   segment.to_s = std::numeric_limits<double>::infinity();
   if (!ends) map.forbid({"to_s"}, "a wave lasts as long as its path");
@@ -44,7 +46,7 @@ void read_from_to(const YamlMap& map, PathSegment& segment, bool ends) {
 }
 
 PathSegment read_segment(const YamlValue& value) {
-  const YamlMap map(value, {"move", "turn", "circle", "wave", "during_s", "every_s", "from_s", "to_s"});
+  const YamlMap map(value, {"move", "turn", "circle", "wave", "during_s", "every_s", "profile", "from_s", "to_s"});
   PathSegment segment;
   segment.kind = static_cast<PathSegment::Kind>(map.one_of(kSegmentForms));
   switch (segment.kind) {

@@ -54,7 +54,8 @@ class Hasher {
     add(b.material.friction, b.material.restitution, b.mass, b.inertia, b.gravity, b.rotates, b.at_rest);
   }
   void put(const PathSegment& s) {
-    add(s.kind, s.from_s, s.to_s, s.every_s, s.displacement, s.axis, s.angle, s.radius, s.period_s);
+    add(s.kind, s.from_s, s.to_s, s.profile ? 1 + static_cast<int>(*s.profile) : 0, s.every_s, s.displacement, s.axis,
+        s.angle, s.radius, s.period_s);
     add(s.along, s.across, s.amplitude, s.wavenumber);
   }
   void put(const BodyState& s) { add(s.position, s.orientation, s.linear_velocity, s.angular_velocity); }

@@ -248,6 +248,8 @@ const std::vector<Setting> kSettings{
     {"users.device.mass_kg", USER(device.mass_kg), kLargePositive, "mass of the emulated device", kDevice},
     {"users.device.damping_n_s_m", USER(device.damping_n_s_m), kLarge, "its damping", kDevice},
     {"users.device.friction_n", USER(device.friction_n), kLarge, "its Coulomb friction", kDevice},
+    {"users.device.profile", USER(device.profile), Words{"constant", "minimum_jerk"},
+     "speed along the path's moves and turns: constant, or that of an arm", kDevice},
     {"users.device.position_resolution_m", USER(device.position_resolution_m), kUnit,
      "resolution of its encoders; 0: exact", kDevice},
 

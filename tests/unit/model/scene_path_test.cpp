@@ -53,6 +53,19 @@ TEST(Path, RowGoesForthAndBack) {
   EXPECT_EQ(evaluate(path, 2.9).linear_velocity.x(), 0.0);
 }
 
+TEST(Path, WithTheLeastJerkItBeginsAndEndsAtRest) {
+  Path path{{.from_s = 0.2, .to_s = 1.2, .displacement = {0.1, 0, 0}}, turn({0, 0, 1}, 1.0, 0.5, 1.5)};
+  for (PathSegment& segment : path) segment.profile = Profile::minimum_jerk;
+  expect_velocity_is_derivative(path, 2.0);
+  EXPECT_NEAR(evaluate(path, 0.7).offset.position.x(), 0.05, 1e-15);
+  EXPECT_NEAR(evaluate(path, 0.7).linear_velocity.x(), 1.875 * 0.1, 1e-12) << "Flash and Hogan 1985";
+  EXPECT_LT(evaluate(path, 0.201).linear_velocity.x(), 1e-5);
+  EXPECT_NEAR(evaluate(path, 3.0).offset.position.x(), 0.1, 1e-15);
+  for (PathSegment& segment : path) segment.profile.reset();
+  EXPECT_EQ(evaluate(path, 0.4).linear_velocity.x(), 0.1) << "constant where nothing says otherwise";
+  EXPECT_LT(evaluate(path, 0.3, Profile::minimum_jerk).linear_velocity.x(), 0.1);
+}
+
 TEST(Path, HeapDigsAgainAndAgainElsewhere) {
   const Path path = path_of("heap");
   for (int dig = 0; dig < 16; ++dig) {
