@@ -234,6 +234,20 @@ TEST(GhostModel, ABodySupportedOnlyByTheInsideIsARigidBody) {
   EXPECT_LT((ghost.carried->drive.torque - Vec3(0, 0.02 * kWeight_n, 0)).norm(), 1e-12);
 }
 
+// Cube 1 is inside and carries cubes 2 and 3, on which cube 4 lies: with three quarters of its weight on cube 2.
+TEST(GhostModel, GhostsShareWhatTheyCarryTogetherAsItsLoad) {
+  Outside o(4);
+  o.touch(2, 1, Vec3::UnitZ(), 1.75 * kWeight_n);
+  o.touch(3, 1, Vec3::UnitZ(), 1.25 * kWeight_n);
+  o.touch(4, 2, Vec3::UnitZ(), 0.75 * kWeight_n);
+  o.touch(4, 3, Vec3::UnitZ(), 0.25 * kWeight_n);
+  const auto ghosts = o.models({BodyId{1}});
+  ASSERT_TRUE(ghosts.at(0).carried && ghosts.at(1).carried);
+  EXPECT_NEAR(ghosts[0].carried->mass_kg, 1.75 * kCube_kg, 1e-9);
+  EXPECT_NEAR(ghosts[1].carried->mass_kg, 1.25 * kCube_kg, 1e-9);
+  EXPECT_NEAR(ghosts[0].carried->drive.force.z(), -1.75 * kWeight_n, 1e-9);
+}
+
 TEST(GhostModel, ABodySupportedFromOutsideIsNotCarried) {
   Outside leans = carried();
   leans.touch(3, 4, Vec3::UnitX(), 0.1);

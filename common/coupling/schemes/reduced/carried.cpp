@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 
 #include <algorithm>
+#include <utility>
 
 namespace subworld {
 
@@ -32,14 +33,65 @@ Vec6 velocity_of(const Body& body, const Quat& orientation, const Vec6& momentum
 
 }  // namespace
 
-CarriedModeller::CarriedModeller(const Scene& scene) : scene_(scene), holds_(scene.bodies.size(), Hold::unknown) {
+CarriedModeller::CarriedModeller(const Scene& scene)
+    : scene_(scene),
+      holds_(scene.bodies.size(), Hold::unknown),
+      layers_(scene.bodies.size(), 0),
+      begins_(scene.bodies.size(), 0) {
   seen_.reserve(scene.bodies.size());
-  whole_.reserve(scene.bodies.size());
+  carried_.reserve(scene.bodies.size());
+  shares_.reserve(4 * scene.bodies.size());
 }
 
-void CarriedModeller::begin() {
+void CarriedModeller::begin(std::span<const GhostModel> ghosts, const Membership& membership,
+                            const ContactGraph& graph) {
   for (const BodyId id : seen_) holds_[index(id)] = Hold::unknown;
+  for (const BodyId id : carried_) layers_[index(id)] = 0;
   seen_.clear();
+  carried_.clear();
+  shares_.clear();
+  for (const GhostModel& ghost : ghosts) {
+    if (!only_inside_holds(ghost.outside, membership, graph)) continue;
+    layers_[index(ghost.outside)] = 1;
+    begins_[index(ghost.outside)] = static_cast<std::uint32_t>(shares_.size());
+    carried_.push_back(ghost.outside);
+    shares_.push_back({ghost.outside, ghost.outside, 1.0});
+  }
+  for (std::size_t from = 0, to = carried_.size(); from < to; from = std::exchange(to, carried_.size()))
+    share_next(from, to, membership, graph);
+}
+
+void CarriedModeller::share_next(std::size_t from, std::size_t to, const Membership& membership,
+                                 const ContactGraph& graph) {
+  constexpr double kNoLoad_n_s = 1e-12;  // contacts without a load count alike
+  for (std::size_t k = from; k < to; ++k) {
+    for (const Neighbour& n : graph.neighbours(carried_[k])) {
+      if (layers_[index(n.body)] != 0 || std::ranges::binary_search(membership.members, n.body)) continue;
+      layers_[index(n.body)] = layers_[index(carried_[k])] + 1;
+      carried_.push_back(n.body);
+    }
+  }
+  for (std::size_t k = to; k < carried_.size(); ++k) {
+    const BodyId id = carried_[k];
+    begins_[index(id)] = static_cast<std::uint32_t>(shares_.size());
+    double sum = 0.0;
+    for (const Neighbour& n : graph.neighbours(id)) {
+      if (layers_[index(n.body)] + 1 != layers_[index(id)]) continue;
+      const double load_n_s = n.impulse_n_s + kNoLoad_n_s;
+      sum += load_n_s;
+      for (std::size_t i = begins_[index(n.body)]; i < shares_.size() && shares_[i].body == n.body; ++i) {
+        const Share by = shares_[i];
+        const auto own = shares_.begin() + begins_[index(id)];
+        const auto same = std::find_if(own, shares_.end(), [&](const Share& s) { return s.ghost == by.ghost; });
+        if (same != shares_.end()) {
+          same->part += load_n_s * by.part;
+        } else {
+          shares_.push_back({id, by.ghost, load_n_s * by.part});
+        }
+      }
+    }
+    for (std::size_t i = begins_[index(id)]; i < shares_.size(); ++i) shares_[i].part /= sum;
+  }
 }
 
 bool CarriedModeller::only_inside_holds(BodyId outside, const Membership& membership, const ContactGraph& graph) {
@@ -66,34 +118,28 @@ bool CarriedModeller::only_inside_holds(BodyId outside, const Membership& member
   return settle(Hold::inside);
 }
 
-std::optional<CarriedBody> CarriedModeller::model(BodyId outside, std::span<const GhostModel> ghosts,
-                                                  const Membership& membership, const ContactGraph& graph,
-                                                  const std::function<BodyState(BodyId)>& state_of) {
-  if (!only_inside_holds(outside, membership, graph)) return std::nullopt;
+std::optional<CarriedBody> CarriedModeller::model(BodyId outside,
+                                                  const std::function<BodyState(BodyId)>& state_of) const {
+  if (holds_[index(outside)] != Hold::inside) return std::nullopt;
   const Vec3 origin = state_of(outside).position;
   CarriedBody found;
   Eigen::Matrix3d about_origin = Eigen::Matrix3d::Zero();
   Vec3 moment = Vec3::Zero();
-  whole_.assign(1, outside);
-  for (std::size_t k = 0; k < whole_.size(); ++k) {
-    const Body& body = scene_.body(whole_[k]);
+  for (const Share& share : shares_) {
+    if (share.ghost != outside) continue;
+    const Body& body = scene_.body(share.body);
     const BodyState state = state_of(body.id);
+    const double mass_kg = share.part * body.mass;
     const Vec3 arm = state.position - origin;
     const Eigen::Matrix3d axes = state.orientation.toRotationMatrix();
     const Eigen::Matrix3d cross = cross_matrix(arm);
-    found.mass_kg += body.mass;
-    moment += body.mass * arm;
-    about_origin += axes * body.inertia.asDiagonal() * axes.transpose() - body.mass * cross * cross;
+    found.mass_kg += mass_kg;
+    moment += mass_kg * arm;
+    about_origin += share.part * (axes * body.inertia.asDiagonal() * axes.transpose()) - mass_kg * cross * cross;
     if (body.gravity) {
-      const Vec3 weight_n = body.mass * scene_.settings.world.gravity;
+      const Vec3 weight_n = mass_kg * scene_.settings.world.gravity;
       found.drive.force += weight_n;
       found.drive.torque += arm.cross(weight_n);
-    }
-    for (const Neighbour& n : graph.neighbours(body.id)) {
-      const BodyId next = n.body;
-      if (std::ranges::binary_search(membership.members, next)) continue;
-      if (std::ranges::binary_search(ghosts, next, {}, &GhostModel::outside)) continue;
-      if (std::ranges::find(whole_, next) == whole_.end()) whole_.push_back(next);
     }
   }
   found.centre_m = moment / found.mass_kg;

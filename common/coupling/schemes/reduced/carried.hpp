@@ -17,28 +17,38 @@ using Vec6 = Eigen::Matrix<double, 6, 1>;  ///< of a twist or a wrench: the line
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 /// Finds the outside bodies that nothing but the inside holds: those from which no chain of outside contacts leads to
-/// something fixed. What such a body carries goes with it as one rigid body, up to the next ghost.
+/// something fixed. What such a body carries goes with it as one rigid body. Ghosts that carry a body together share
+/// its mass as they share its load: a body at k contacts from the nearest ghost belongs to those of its neighbours at k
+/// - 1 contacts, in proportion to the impulses between them.
 class CarriedModeller {
  public:
   explicit CarriedModeller(const Scene& scene);
 
-  /// Forgets what was found of another frame.
-  void begin();
-  /// Nothing where something else holds the body. `ghosts` ascend; `graph` is that of the world's contacts.
-  [[nodiscard]] std::optional<CarriedBody> model(BodyId outside, std::span<const GhostModel> ghosts,
-                                                 const Membership& membership, const ContactGraph& graph,
-                                                 const std::function<BodyState(BodyId)>& state_of);
+  /// Finds who carries what. `ghosts` ascend; `graph` is that of the world's contacts.
+  void begin(std::span<const GhostModel> ghosts, const Membership& membership, const ContactGraph& graph);
+  /// Nothing where something else holds the body, which is one of the ghosts.
+  [[nodiscard]] std::optional<CarriedBody> model(BodyId outside,
+                                                 const std::function<BodyState(BodyId)>& state_of) const;
 
  private:
   enum class Hold : std::uint8_t { unknown, inside, held };
+  struct Share {
+    BodyId body{};
+    BodyId ghost{};  ///< that carries this part of its mass
+    double part = 1.0;
+  };
 
   /// Whether the inside alone holds the outside bodies that hang together with this one.
   bool only_inside_holds(BodyId outside, const Membership& membership, const ContactGraph& graph);
+  void share_next(std::size_t from, std::size_t to, const Membership& membership, const ContactGraph& graph);
 
   const Scene& scene_;
-  std::vector<Hold> holds_;   ///< by body
-  std::vector<BodyId> seen_;  ///< whose hold is known
-  std::vector<BodyId> whole_;
+  std::vector<Hold> holds_;            ///< by body
+  std::vector<BodyId> seen_;           ///< whose hold is known
+  std::vector<BodyId> carried_;        ///< ghosts first, then ever farther from them
+  std::vector<std::uint32_t> layers_;  ///< by body: contacts from the nearest ghost, plus one; 0: not carried
+  std::vector<Share> shares_;          ///< in the order of `carried_`
+  std::vector<std::uint32_t> begins_;  ///< by body: its first share
 };
 
 /// Whether a body can be part of the whole that is said to carry it along: no whole is lighter or easier to turn.

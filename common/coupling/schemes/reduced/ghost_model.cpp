@@ -266,10 +266,10 @@ void GhostModeller::model(std::span<const BoundaryContact> border, const Surroun
   }
   for (GhostModel& ghost : out) find_axes(border, around.graph, ghost);
   find_pushed(out, around);
-  carried_.begin();
+  carried_.begin(out, around.membership, around.graph);
   const auto state_of = [&around](BodyId id) { return around.motions[index(id)].state; };
   for (GhostModel& ghost : out) {
-    ghost.carried = carried_.model(ghost.outside, out, around.membership, around.graph, state_of);
+    ghost.carried = carried_.model(ghost.outside, state_of);
     for (std::uint32_t i = 0; i < ghost.axis_count; ++i) model_axis(i, around, ghost, peers);
     if (ghost.mass_kg == 0.0) ghost.mass_kg = kWallMass_kg;
     if (!ghost.carried) add_unconstrained_directions(around.motions[index(ghost.outside)], around, ghost);
