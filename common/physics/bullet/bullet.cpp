@@ -62,11 +62,10 @@ extern const EnginePlugin kPlugin;
 /// Forces the compiler to emit this library's own copies of Bullet's shared static objects (see CMakeLists.txt).
 [[gnu::used]] const void* const kOwnStatics[] = {&btTransform::getIdentity(), &btMatrix3x3::getIdentity()};
 
-/// The tree of bounds is not updated while a body moves within this share of its size. Bullet's own 5 cm would make
-/// every cube of a heap a candidate for its neighbours' neighbours.
 constexpr double kStraightTurn_rad = 0.15;  ///< a smaller turn in a step is almost straight
 constexpr double kSlender = 2.0;            ///< way of the farthest point over the radius inside the shape
 constexpr int kMostParts = 16;
+/// The tree of bounds waits while a body moves within this share of its size, not within Bullet's own 5 cm.
 constexpr double kTreeMarginRatio = 0.05;
 
 struct Slot : AdapterSlot {

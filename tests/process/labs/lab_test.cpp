@@ -61,7 +61,7 @@ const std::vector<std::string> kFlatColumns{"scene",
 TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
   const std::string old_trace = out() + "/traces/of_an_earlier_sweep.csv";
   std::filesystem::create_directories(out() + "/traces");
-  std::ofstream(old_trace) << "time_s\n";
+  std::ofstream(old_trace) << "time_s,force_x_n\n";
   const Ended ended =
       finish(lab_words({"press", "--quick", "--scheme", "direct,paper", "--latency", "0,0.01,0", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
