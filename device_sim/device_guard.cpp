@@ -65,7 +65,7 @@ DeviceCommand DeviceGuard::pass(const DeviceCommand& received, const DeviceState
                                 double dt) noexcept {
   DeviceCommand command = received;
   // Energy received since the last step may be spent in this one.
-  port_.share(received.others_work_j);
+  port_.share({received.others_work_j, received.bodies_j});
   port_.step(now);
   ++steps_;
   const bool impedance = user_.device.kind == DeviceKind::impedance;

@@ -38,7 +38,7 @@ bool DeviceSide::jumped(const DeviceState& state, double wall_s) const noexcept 
          state.linear_velocity.norm() > kFastestOperator_m_s;
 }
 
-FeltStep DeviceSide::feel(const StepInput& input, const BodyState& proxy, bool sound, double others_work_j) {
+FeltStep DeviceSide::feel(const StepInput& input, const BodyState& proxy, bool sound, const OthersEnergy& others) {
   if (input.device == nullptr) return {};
   const DeviceState& state = *input.device;
   const bool jump = jumped(state, input.wall_s);
@@ -58,7 +58,7 @@ FeltStep DeviceSide::feel(const StepInput& input, const BodyState& proxy, bool s
   applied_ = saturated(state.applied, limits_);
   felt_ = spring() ? coupling_wrench(tool_.at_rate().coupling, limits_, proxy, declutch_.device()) : applied_;
   trusted_ = input.device_trusted && sound && !input.paused;
-  port_.share(others_work_j);
+  port_.share(others);
   port_.step(state);
   const Wrench to_operator =
       guard_.pass({-felt_.force, -felt_.torque}, jump ? Vec3(Vec3::Zero()) : state.linear_velocity, trusted_, wall_s_);

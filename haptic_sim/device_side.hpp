@@ -52,7 +52,7 @@ class DeviceSide {
   /// A step begins. Returns the rate of the clock in the step before where it differs.
   std::optional<double> begin(const StepInput& input) noexcept;
   /// The force of the step, with the proxy there, which is `sound`, finite, or not.
-  [[nodiscard]] FeltStep feel(const StepInput& input, const BodyState& proxy, bool sound, double others_work_j);
+  [[nodiscard]] FeltStep feel(const StepInput& input, const BodyState& proxy, bool sound, const OthersEnergy& others);
   /// How the user acts on the proxy until the step's end.
   [[nodiscard]] Drive drive(std::span<const DeviceState* const> peers) const noexcept;
   /// The step of `dt` s of simulated time has ended with the proxy there. Returns the work of the mean wrench, J.

@@ -18,7 +18,7 @@ class MirroredProxy final : public LocalModel {
   void change_rate(double before, double after) override { proxy_ = at_rate(proxy_, before, after); }
   void follow(const WorldFrame& frame, const HapticReport*, const Age&) override { (void)reset_from(frame); }
   bool reset_from(const WorldFrame& frame) override {
-    others_work_j_ = frame.outside_work_j;
+    others_ = {frame.outside_work_j, frame.bodies_j};
     const auto published_state = std::ranges::find(frame.states, id_, &StampedBody::id);
     if (published_state == frame.states.end()) return false;
     proxy_ = published_state->state;
@@ -29,14 +29,14 @@ class MirroredProxy final : public LocalModel {
   std::size_t members() const noexcept override { return 0; }
   std::size_t contacts() const noexcept override { return 0; }
   std::uint64_t peers() const noexcept override { return 0; }
-  double others_work_j() const noexcept override { return others_work_j_; }
+  OthersEnergy others() const noexcept override { return others_; }
   LiveEngine* engine() noexcept override { return nullptr; }
   bool reports_afterwards() const noexcept override { return false; }
 
  private:
   BodyId id_;
   BodyState proxy_;
-  double others_work_j_ = 0.0;
+  OthersEnergy others_;
 };
 
 }  // namespace

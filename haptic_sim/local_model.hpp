@@ -54,7 +54,7 @@ class LocalModel {
   /// See SubWorldFacts.
   [[nodiscard]] virtual std::uint64_t peers() const noexcept = 0;
   /// Work of the other operators on what this one feels since the start, J (coupling/safety/energy_port).
-  [[nodiscard]] virtual double others_work_j() const noexcept = 0;
+  [[nodiscard]] virtual OthersEnergy others() const noexcept = 0;
   /// The engine that simulates it; null where there is none.
   [[nodiscard]] virtual LiveEngine* engine() noexcept = 0;
   /// Whether a report tells how a cycle went. Else it tells with which device pose one begins.

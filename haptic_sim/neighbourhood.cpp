@@ -6,6 +6,8 @@
 #include "coupling/sync/authority.hpp"
 #include "coupling/sync/gradual_shifts.hpp"
 #include "coupling/sync/synchroniser.hpp"
+#include "haptic_sim/bodies_energy.hpp"
+#include "haptic_sim/peer_forecast.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,10 +18,6 @@
 namespace subworld {
 
 namespace {
-
-/// Largest step of the coupling's force in which bodies are corrected. Smaller ones set more bodies in more steps,
-/// which engines answer with work: Rapier's step takes up to a seventh longer.
-constexpr double kUnfelt_n = 0.05;
 
 constexpr double kSlower = 1.001;   ///< of the haptic step: from there on a device is slower
 constexpr double kSameTime = 1e-6;  ///< of a device's period
@@ -33,11 +31,13 @@ class SimulatedNeighbourhood final : public LocalModel {
         proxy_(scene.users[user].proxy),
         engine_(make_engine(scene.settings.haptic, scene.meshes)),
         synchroniser_(scheme, scene, user),
+        bodies_energy_(scene),
         reads_friction_(!enabled(scene, Optimisation::impulses)),
         border_(scheme.make_sub_world_side(scene, remembered_cycles(scene.settings, scheme))) {
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     peers_.reserve(scene.users.size());
     for (const UserSpec& of : scene.users) peer_work_.emplace_back(of.device.kind);
+    forecasts_.resize(scene.users.size());
     pulls_.reserve(scene.users.size());
     outside_pulls_.reserve(scene.users.size());
   }
@@ -52,6 +52,9 @@ class SimulatedNeighbourhood final : public LocalModel {
     if (drive.kind == DeviceKind::admittance) {
       engine_.apply_force(proxy_, drive.applied.force, drive.applied.torque);
     } else {
+      // What is in the coupling at the start was put in by nobody.
+      if (!std::exchange(begun_, true))
+        others_work_j_ += coupling_energy(drive.tool.coupling, drive.limits, proxy(), drive.device);
       pull(drive.tool, drive.limits, drive.device, dt);
     }
     engine_.step(dt);
@@ -64,6 +67,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       }
     }
     border_->end(engine_, dt);
+    bodies_energy_.observe(engine_, members_);
     observe_contacts(indicators);
     return mean;
   }
@@ -82,7 +86,10 @@ class SimulatedNeighbourhood final : public LocalModel {
     int substeps = 1;
     if (mine != nullptr) {
       const std::span<const PairShift> pairs = synchroniser_.synchronise(frame, *mine, age.cycles);
-      if (scheme_.properties.corrects_gradually) substeps = substeps_of(pairs, frame.cycle_s);
+      if (scheme_.properties.corrects_gradually) {
+        const double most = std::max(1.0, std::round(frame.cycle_s / scene_.settings.h_s));
+        substeps = unfelt_parts(pairs, user_of(proxy_)->coupling, static_cast<int>(most));
+      }
       for (const PairShift& pair : pairs) {
         if (!engine_.contains(pair.id)) continue;
         const bool member = std::ranges::binary_search(members_, pair.id);
@@ -124,11 +131,11 @@ class SimulatedNeighbourhood final : public LocalModel {
   std::uint64_t peers() const noexcept override {
     std::uint64_t users = 0;
     for (const PeerDevice& peer : peers_) {
-      if (peer.device_s != kHeldDevice_s) users |= std::uint64_t{1} << user_index(peer.proxy);
+      if (is_followed(peer)) users |= std::uint64_t{1} << user_index(peer.proxy);
     }
     return users;
   }
-  double others_work_j() const noexcept override { return others_work_j_; }
+  OthersEnergy others() const noexcept override { return bodies_energy_.beside(others_work_j_); }
   LiveEngine* engine() noexcept override { return &engine_; }
   bool reports_afterwards() const noexcept override { return true; }
 
@@ -149,18 +156,6 @@ class SimulatedNeighbourhood final : public LocalModel {
     return step.wrench.force.norm();
   }
 
-  /// As many as it takes until no step of the force is felt, the same for all bodies: those that touch move together.
-  int substeps_of(std::span<const PairShift> pairs, double cycle_s) const {
-    const CouplingSettings& coupling = user_of(proxy_)->coupling;
-    double felt_n = 0.0;
-    for (const PairShift& pair : pairs) {
-      felt_n = std::max({felt_n, coupling.stiffness_n_m * pair.sub.position.norm(),
-                         coupling.damping_n_s_m * pair.sub.linear_velocity.norm()});
-    }
-    const double wanted = std::ceil(felt_n / kUnfelt_n);
-    return static_cast<int>(std::clamp(wanted, 1.0, std::max(1.0, std::round(cycle_s / scene_.settings.h_s))));
-  }
-
   /// Returns how hard they press, N.
   double move_peers(std::span<const DeviceState* const> heard, double time_s, double dt) {
     double force_n = 0.0;
@@ -170,7 +165,7 @@ class SimulatedNeighbourhood final : public LocalModel {
       if (number == scene_.users.size()) continue;
       const UserSpec& user = scene_.users[number];
       const bool spring = user.device.kind == DeviceKind::impedance;
-      const auto [device, applied] = peer_motion(peer, user, number < heard.size() ? heard[number] : nullptr, time_s);
+      const auto [device, applied] = peer_motion(peer, number, number < heard.size() ? heard[number] : nullptr, time_s);
       if (!std::ranges::binary_search(members_, peer.proxy)) {
         if (!spring) continue;  // a part of the ghost's force
         const Tool tool = tool_at(rate_, user, scene_.body(peer.proxy));
@@ -198,14 +193,17 @@ class SimulatedNeighbourhood final : public LocalModel {
   };
 
   /// A peer's device in this step, by the newest of the world's account and its own state.
-  [[nodiscard]] PeerMotion peer_motion(const PeerDevice& peer, const UserSpec& user, const DeviceState* heard,
+  [[nodiscard]] PeerMotion peer_motion(const PeerDevice& peer, std::size_t number, const DeviceState* heard,
                                        double time_s) {
+    const UserSpec& user = scene_.users[number];
     PeerMotion motion{{peer.pose, peer.linear_velocity, peer.angular_velocity}, peer.applied};
     // In the peer's sub-world, the state of a device that is slower than the haptic step holds until the next one.
     const double period_s = 1.0 / user.device.rate_hz;
     const double held_s = period_s > kSlower * scene_.settings.h_s ? period_s : 0.0;
     double at_s = peers_stamp_s_;
     double held_on_s = 0.0;
+    const PeerForecast* forecast = nullptr;
+    if (heard != nullptr && is_followed(peer)) forecasts_[number].observe(*heard);
     if (heard != nullptr && heard->stamp_s + held_s > peer.device_s) {
       motion.device = {{heard->pose.position + peer.offset, heard->pose.orientation * peer.turn},
                        heard->linear_velocity / rate_,
@@ -213,10 +211,16 @@ class SimulatedNeighbourhood final : public LocalModel {
       motion.applied = heard->applied;
       at_s += rate_ * (heard->stamp_s - peer.device_s);
       held_on_s = rate_ * held_s;
+      forecast = &forecasts_[number];
     }
     double age_s = time_s - at_s;
     if (held_on_s > 0.0) age_s = held_on_s * std::floor(age_s / held_on_s + kSameTime);
-    motion.device.pose.position += std::min(age_s, kLongestGuess_s) * motion.device.linear_velocity;
+    const double ahead_s = std::min(age_s, kLongestGuess_s);
+    if (forecast == nullptr) {
+      motion.device.pose.position += ahead_s * motion.device.linear_velocity;
+    } else if (ahead_s != 0.0) {
+      forecast->advance(motion.device, ahead_s, rate_);
+    }
     motion.applied = saturated(motion.applied, limits_of(user.device));
     peer_age_s_ = std::max(peer_age_s_, age_s);
     return motion;
@@ -238,6 +242,8 @@ class SimulatedNeighbourhood final : public LocalModel {
   [[nodiscard]] std::size_t user_index(BodyId proxy) const {
     return static_cast<std::size_t>(std::ranges::find(scene_.users, proxy, &UserSpec::proxy) - scene_.users.begin());
   }
+  /// Not a peer whose proxy the world holds, whose device then says nothing about it.
+  [[nodiscard]] static bool is_followed(const PeerDevice& peer) noexcept { return peer.device_s != kHeldDevice_s; }
   [[nodiscard]] const UserSpec* user_of(BodyId proxy) const {
     const std::size_t user = user_index(proxy);
     return user == scene_.users.size() ? nullptr : &scene_.users[user];
@@ -280,6 +286,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     std::erase_if(peers_, [this](const PeerDevice& peer) { return peer.proxy == proxy_; });
     peers_stamp_s_ = frame.stamp_s;
     outside_work_j_ = frame.outside_work_j;
+    bodies_energy_.follow(frame, members_);
     for (std::size_t u = 0; u < peer_work_.size(); ++u) {
       const BodyId proxy = scene_.users[u].proxy;
       const bool moved = std::ranges::find(peers_, proxy, &PeerDevice::proxy) != peers_.end();
@@ -305,18 +312,21 @@ class SimulatedNeighbourhood final : public LocalModel {
   LiveEngine engine_;
   GradualShifts gradual_;
   Synchroniser synchroniser_;
+  BodiesEnergy bodies_energy_;
   bool reads_friction_;  ///< of contacts
   std::unique_ptr<SubWorldSide> border_;
   std::vector<BodyId> members_, fixed_;  ///< ascending
   std::vector<PeerDevice> peers_;
   double peers_stamp_s_ = 0.0;
-  double peer_age_s_ = 0.0;          ///< greatest since the last report
-  std::vector<PortWork> peer_work_;  ///< by user
+  double peer_age_s_ = 0.0;              ///< greatest since the last report
+  std::vector<PortWork> peer_work_;      ///< by user
+  std::vector<PeerForecast> forecasts_;  ///< by user
   std::vector<Pull> pulls_;
   std::vector<PeerPull> outside_pulls_;
   double others_work_j_ = 0.0;
   double outside_work_j_ = 0.0;  ///< part of it, of peers that are not members
   double rate_ = 1.0;            ///< of the clock
+  bool begun_ = false;
   std::uint32_t border_bodies_ = 0;
   bool compares_islands_ = false;
   Islands islands_;

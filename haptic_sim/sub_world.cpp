@@ -50,13 +50,14 @@ FeltStep SubWorld::begin_step(const StepInput& input) {
     model_->change_rate(*before, device_.rate());
     facts_.proxy = model_->proxy();
   }
-  return device_.feel(input, facts_.proxy, facts_.finite, model_->others_work_j());
+  return device_.feel(input, facts_.proxy, facts_.finite, model_->others());
 }
 
 DeviceCommand SubWorld::command_for(const DeviceState& device, const Wrench& to_operator) {
   DeviceCommand command = device_.command_for(device, to_operator, facts_.proxy);
   command.stamp_s = facts_.time_s;
-  command.others_work_j = model_->others_work_j();
+  command.others_work_j = model_->others().work_j;
+  command.bodies_j = model_->others().bodies_j;
   return command;
 }
 

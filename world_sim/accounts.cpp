@@ -32,8 +32,11 @@ WorldAccounts::WorldAccounts(const Scene& scene, std::uint64_t remembered_cycles
       operators_(others_capacity_j(scene, static_cast<std::size_t>(scene.settings.users))) {}
 
 void WorldAccounts::sleeps(const RestingEngine& engine, BodyId id) {
-  motions_[index(id)] = {.state = engine.state(id)};
-  resting_j_ += potential_j(id);
+  Motion& motion = motions_[index(id)];
+  motion = {.state = engine.state(id), .least_j = motion.least_j};
+  motion.energy_j = potential_j(id);
+  motion.least_j = std::min(motion.least_j, motion.energy_j);
+  resting_j_ += motion.energy_j;
 }
 
 void WorldAccounts::follow_rest(const RestingEngine& engine) {
@@ -49,6 +52,7 @@ double WorldAccounts::potential_j(BodyId id) const noexcept {
 void WorldAccounts::observe(const RestingEngine& engine, std::span<const RatedTool> tools, WorldFacts& facts) {
   facts.kinetic_j = 0.0;
   facts.potential_j = resting_j_;
+  above_least_j_ = 0.0;
   for (const BodyId id : engine.awake()) {
     const Body& body = scene_.body(id);
     const BodyState s = engine.state(body.id);
@@ -57,8 +61,14 @@ void WorldAccounts::observe(const RestingEngine& engine, std::span<const RatedTo
     motion.state = s;
     mix(facts.state_hash, s);
     facts.finite = facts.finite && finite(s);
-    facts.kinetic_j += kinetic_energy(body, s);
-    facts.potential_j += potential_j(id);
+    const double kinetic_j = kinetic_energy(body, s), potential = potential_j(id);
+    motion.energy_j = kinetic_j + potential;
+    motion.fallen_j = std::isfinite(motion.least_j) ? std::max(0.0, motion.least_j - motion.energy_j) : 0.0;
+    motion.least_j = std::min(motion.least_j, motion.energy_j);
+    above_least_j_ += motion.energy_j - motion.least_j;
+    fallen_j_ += motion.fallen_j;
+    facts.kinetic_j += kinetic_j;
+    facts.potential_j += potential;
   }
   double of_operators_j = 0.0;
   for (std::size_t u = 0; u < tools.size(); ++u) {
@@ -91,6 +101,7 @@ void WorldAccounts::resume(const WorldCheckpoint& from, const RestingEngine& eng
 void WorldAccounts::balance(std::span<const UserLink> links, WorldFacts& facts) {
   // Energy and work of one stamp: the newest that all users have reported.
   double given_j = 0.0, stored_j = 0.0, operators_j = 0.0;
+  const double capacity_j = others_capacity_j(scene_, links.size());
   for (const UserLink& link : links) {
     const HapticReport& report = link.reports().newest();
     if (!link.reports().heard() || report.stamp != links.front().reports().newest().stamp) return;
@@ -98,9 +109,9 @@ void WorldAccounts::balance(std::span<const UserLink> links, WorldFacts& facts) 
     stored_j += report.coupling_energy_j;
     operators_j += report.operator_work_j;
   }
-  double none_j = 0.0;
-  const bool at_limit = stored_j > others_capacity_j(scene_, links.size());
-  operators_.flow(operators_j - operators_.net_j(), at_limit, none_j);
+  fallen_j_ = std::min(fallen_j_, capacity_j);
+  operators_.keep(above_least_j_);
+  operators_.flow(operators_j - operators_.net_j(), stored_j > capacity_j, fallen_j_);
   facts.operators_created_j = created_before_j_ + operators_.created_j();
   if (links.empty()) return;
   const std::uint64_t stamp = links.front().reports().newest().stamp;

@@ -48,8 +48,10 @@ class WorldAccounts {
   EnergyPort operators_;           ///< of all users as one
   double created_before_j_ = 0.0;  ///< by operators, before the world was resumed
   double start_energy_j_ = 0.0;
-  double resting_j_ = 0.0;    ///< of what sleeps
-  double of_bodies_j_ = 0.0;  ///< kinetic and potential, without the proxies' motion
+  double resting_j_ = 0.0;      ///< of what sleeps
+  double above_least_j_ = 0.0;  ///< of what is awake: energy above the least that each body has had
+  double fallen_j_ = 0.0;       ///< lost below that and not given to operators
+  double of_bodies_j_ = 0.0;    ///< kinetic and potential, without the proxies' motion
 };
 
 }  // namespace subworld

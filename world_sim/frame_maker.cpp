@@ -36,6 +36,7 @@ FrameMaker::FrameMaker(const Scene& scene, const Scheme& scheme, WorldSide& side
       peers_(scene),
       user_of_(scene.bodies.size()),
       holders_(scene.bodies.size()),
+      visited_(scene.bodies.size()),
       budget_(scene),
       tells_all_pairs_(!enabled(scene, Optimisation::pairs)),
       operators_j_(users_.size(), 0.0),
@@ -112,6 +113,7 @@ void FrameMaker::make(const WorldNow& of_world, std::span<const UserLink> links,
       side_.extract(now, {user.membership, reach, until_heard_s, shared}, user.border, out);
     user.outside[now.stamp % remembered_] = user.border.outside;
     list_peers(user, now, links, out);
+    count_energy(user, now, out);
     count_outside_work(user, out);
     list_unconfirmed(user, now, links[u], offset_s, out);
     tell_border(user, now, links[u], out);
@@ -120,39 +122,6 @@ void FrameMaker::make(const WorldNow& of_world, std::span<const UserLink> links,
         out.states.size() == 1 && out.entering.empty() && user.border.outside.empty() && user.border.contacts.empty();
     if (may_suppress_ && reports.heard() && alone) out.suppression = suppression_.find(*user.spec, now);
   }
-}
-
-void FrameMaker::begin_peers(const WorldNow& now, std::span<const UserLink> links) {
-  double longest_s = 0.0;
-  for (std::size_t u = 0; u < users_.size(); ++u) {
-    users_[u].near_for_s = kNever_s;
-    longest_s = std::max(longest_s, horizon_s(now, links[u]));
-  }
-  peers_.begin(now.contacts, proxies_, [&](BodyId proxy, std::vector<BodyId>& out) {
-    out = near(users_[user_of_[index(proxy)]], now, longest_s);
-  });
-}
-
-const std::vector<BodyId>& FrameMaker::near(User& user, const WorldNow& now, double horizon_s) {
-  if (user.near_for_s == horizon_s) return user.near;
-  user.near_for_s = horizon_s;
-  const BodyId proxy = user.spec->proxy;
-  const double gravity_m_s2 = scene_.settings.world.gravity.norm();
-  now.engine.overlap(swept_bounds(now.engine.state(proxy), now.engine.bounds(proxy), gravity_m_s2, horizon_s),
-                     user.near);
-  return user.near;
-}
-
-void FrameMaker::find_peers(User& user, const WorldNow& now, double horizon_s, std::vector<BodyId>& bodies) {
-  if (users_.size() < 2) return;
-  const auto reachable = [&](BodyId proxy, std::vector<BodyId>& out) {
-    out = near(users_[user_of_[index(proxy)]], now, horizon_s);
-  };
-  const auto fits = [&](std::size_t island, std::size_t contacts) {
-    return user.budget.cost.of(island, contacts) <= user.budget.limit_s / user.selection.cost_factor;
-  };
-  const auto felt = peers_.find(user.spec->proxy, now.graph, reachable, fits, bodies);
-  user.felt.assign(felt.begin(), felt.end());
 }
 
 Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
@@ -212,58 +181,6 @@ double FrameMaker::horizon_s(const WorldNow& now, const UserLink& link) const {
   const std::uint64_t unheard = link.reports().heard() ? newest.stamp - newest.confirmed_stamp : 1;
   const std::uint64_t until = now.stamp + 1 + std::clamp<std::uint64_t>(unheard, 1, remembered_);
   return scene_.settings.h_s * static_cast<double>(now.timetable.start(until) - now.timetable.start(now.stamp));
-}
-
-void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<const UserLink> links,
-                            WorldFrame& frame) const {
-  frame.peers.clear();
-  for (std::size_t p = 0; p < users_.size(); ++p) {
-    const UserSpec& spec = *users_[p].spec;
-    const bool own = &users_[p] == &user;
-    const auto list_held = [&] {
-      if (!links[p].holds()) return false;
-      frame.peers.push_back(
-          {.proxy = spec.proxy, .pose = links[p].device(now.engine.state(spec.proxy)).pose, .device_s = kHeldDevice_s});
-      return true;
-    };
-    if (own) (void)list_held();
-    if (own || !scheme_.properties.replicates_peers) continue;
-    const bool inside = std::ranges::binary_search(frame.members, spec.proxy);
-    const bool pushes = std::ranges::find(user.border.pushing, spec.proxy) != user.border.pushing.end();
-    if ((!inside && !pushes) || list_held() || !links[p].reports().heard()) continue;
-    const HapticReport& report = links[p].reports().at(now.stamp);
-    if (!report.device) continue;
-    const ReportedDevice& at_report = *report.device;
-    const double passed_s = now.stamp_s - report.stamp_s;
-    PeerDevice device{.proxy = spec.proxy,
-                      .pose = at_report.pose,
-                      .linear_velocity = at_report.linear_velocity,
-                      .angular_velocity = at_report.angular_velocity,
-                      .applied = at_report.applied,
-                      .device_s = at_report.device_s + passed_s / report.clock_rate,
-                      .offset = at_report.offset,
-                      .turn = at_report.turn};
-    device.pose.position += std::min(passed_s, kLongestGuess_s) * device.linear_velocity;
-    frame.peers.push_back(device);
-  }
-}
-
-void FrameMaker::note_work(std::span<const UserLink> links) {
-  for (std::size_t u = 0; u < users_.size(); ++u) {
-    const double now_j = links[u].reports().heard() ? links[u].reports().newest().operator_work_j : operators_j_[u];
-    work_j_[u] = now_j - std::exchange(operators_j_[u], now_j);
-  }
-}
-
-void FrameMaker::count_outside_work(User& user, WorldFrame& frame) const {
-  for (const PeerContact& felt : user.felt) {
-    const auto is_felt = [&](const User& other) { return other.spec->proxy == felt.proxy; };
-    const auto peer = static_cast<std::size_t>(std::ranges::find_if(users_, is_felt) - users_.begin());
-    const bool inside = std::ranges::find(frame.peers, felt.proxy, &PeerDevice::proxy) != frame.peers.end() &&
-                        std::ranges::binary_search(frame.members, felt.proxy);
-    if (!inside) user.outside_work_j += work_j_[peer];
-  }
-  frame.outside_work_j = user.outside_work_j;
 }
 
 std::uint64_t FrameMaker::first_unconfirmed(const WorldNow& now, const UserLink& link) const noexcept {

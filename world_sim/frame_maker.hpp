@@ -83,6 +83,8 @@ class FrameMaker {
   void list_peers(const User& user, const WorldNow& now, std::span<const UserLink> links, WorldFrame& frame) const;
   /// Adds what connected users did in the last cycle whose devices do not move their proxies in the sub-world.
   void count_outside_work(User& user, WorldFrame& frame) const;
+  /// What the bodies that contacts connect to the proxy may give back, and what they have lost.
+  void count_energy(User& user, const WorldNow& now, WorldFrame& frame);
   void note_work(std::span<const UserLink> links);
   void list_unconfirmed(const User& user, const WorldNow& now, const UserLink& link, double offset_s,
                         WorldFrame& frame);
@@ -100,6 +102,7 @@ class FrameMaker {
   std::vector<BodyId> proxies_;        ///< by user
   std::vector<std::uint8_t> user_of_;  ///< by body, of which it is the proxy
   std::vector<std::uint8_t> holders_;  ///< by body: sub-worlds that hold it
+  std::vector<bool> visited_;          ///< by body, in a walk through contacts
   BudgetSelector budget_;
   bool tells_all_pairs_;
   std::vector<UserPull> pulls_;               ///< on proxies

@@ -7,7 +7,10 @@
 namespace subworld {
 
 UserLink::UserLink(const Scheme& scheme, const Scene& scene, std::size_t user)
-    : spec_(scene.users[user]), inbox_(scheme, scene), synchroniser_(scheme, scene, user) {}
+    : spec_(scene.users[user]), inbox_(scheme, scene), synchroniser_(scheme, scene, user) {
+  const BodyState& start = scene.initial[index(spec_.proxy)];
+  device_.pose = {start.position, start.orientation};
+}
 
 LinkAction UserLink::follow(LinkEvent event, const BodyState& proxy) {
   const auto [to, action] = transition(presence_, event);
@@ -44,15 +47,18 @@ void UserLink::join(const HapticReport& report, const BodyState& proxy) noexcept
 
 void UserLink::count_anew(const HapticReport& report) noexcept {
   const Wrench& impulse = report.impulse_total;
-  const bool anew = impulse.force.isZero(0.0) && impulse.torque.isZero(0.0) && report.device_work_j == 0.0 &&
-                    report.operator_work_j == 0.0;
-  if (anew) return;
+  counted_for_another_ = !impulse.force.isZero(0.0) || !impulse.torque.isZero(0.0) || report.device_work_j != 0.0 ||
+                         report.operator_work_j != 0.0;
+  if (!counted_for_another_) return;
   baseline_ = {
       {-impulse.force, -impulse.torque}, report.coupling_energy_j - report.device_work_j, -report.operator_work_j};
 }
 
 bool UserLink::used(std::uint64_t stamp, double until_s) {
+  const bool first = awaits();
   inbox_.used(stamp);
+  if (first && counted_for_another_) impulse_.resume(inbox_.newest(), inbox_.newest(), until_s);
+  if (first && presence_ == UserPresence::present) return true;
   if (presence_ != UserPresence::joining || inbox_.before().stamp < joins_at_) return false;
   if (follow(LinkEvent::two_used, {}) != LinkAction::release) return false;
   impulse_.resume(inbox_.before(), inbox_.newest(), until_s);
@@ -91,6 +97,7 @@ void UserLink::act(std::uint64_t stamp, double until_s, const BodyState& proxy, 
   const ForceLimits limits = limits_of(spec_.device);
   if (holds()) {
     wrench_ = coupling_wrench(coupling, limits, proxy, device_);
+    if (awaits()) impulse_.count(wrench_, until_s);
   } else if (drives()) {
     const HapticReport& now = inbox_.at(stamp);
     wrench_ = impulse_.pass(inbox_.before(now), now, limits, until_s);

@@ -9,10 +9,10 @@
 
 namespace subworld {
 
-/// Whether a user takes part, as the world sees it. In the last three states the virtual coupling holds the proxy, with
-/// the wrench that the user exerted last: nothing falls that was held, and nothing is pushed on.
+/// Whether a user takes part, as the world sees it. In all states but `present` the virtual coupling holds the proxy,
+/// with the wrench that the user exerted last: nothing falls that was held, and nothing is pushed on.
 enum class UserPresence : std::uint8_t {
-  awaited,  ///< no report has come since the start; nothing acts on the proxy
+  awaited,  ///< no report has come since the start; the device is where the proxy starts
   present,  ///< the reports act on the proxy
   held,     ///< no report comes
   joining,  ///< reports of another start come; two of them must be used: their difference is what the user does now
@@ -97,7 +97,9 @@ class UserLink {
   [[nodiscard]] const ReportInbox& reports() const noexcept { return inbox_; }
   [[nodiscard]] UserPresence presence() const noexcept { return presence_; }
   /// The coupling holds the proxy.
-  [[nodiscard]] bool holds() const noexcept { return holds(presence_); }
+  [[nodiscard]] bool holds() const noexcept { return holds(presence_) || awaits(); }
+  /// No report has been used since the start. One may have come before the simulated time at which it counts.
+  [[nodiscard]] bool awaits() const noexcept { return presence_ <= UserPresence::present && !inbox_.heard(); }
   /// The reports act on the proxy.
   [[nodiscard]] bool drives() const noexcept { return inbox_.heard() && !holds(); }
   /// Where the device is that exerts the wrench of the last cycle on a proxy at rest.
@@ -113,7 +115,9 @@ class UserLink {
     Wrench impulse;
     double device_work_j = 0.0, operator_work_j = 0.0;
   };
-  [[nodiscard]] static constexpr bool holds(UserPresence presence) noexcept { return presence >= UserPresence::held; }
+  [[nodiscard]] static constexpr bool holds(UserPresence presence) noexcept {
+    return presence != UserPresence::present;
+  }
   LinkAction follow(LinkEvent event, const BodyState& proxy);
   void join(const HapticReport& report, const BodyState& proxy) noexcept;
   void count_anew(const HapticReport& report) noexcept;
@@ -122,10 +126,11 @@ class UserLink {
   const UserSpec& spec_;
   ReportInbox inbox_;
   UserPresence presence_ = UserPresence::awaited;
-  DevicePose device_;             ///< while the coupling holds the proxy
-  std::uint64_t joins_from_ = 1;  ///< oldest frame of another start of the sub-world
-  std::uint64_t joins_at_ = 0;    ///< stamp of the first report of the user who is joining
-  Totals baseline_;               ///< added to those of reports: a process that joins counts from its own start
+  DevicePose device_;                 ///< while the coupling holds the proxy
+  std::uint64_t joins_from_ = 1;      ///< oldest frame of another start of the sub-world
+  std::uint64_t joins_at_ = 0;        ///< stamp of the first report of the user who is joining
+  Totals baseline_;                   ///< added to those of reports: a process that joins counts from its own start
+  bool counted_for_another_ = false;  ///< the totals of the first report: they begin where the world is
   ImpulseAccount impulse_;
   Wrench wrench_;
   Synchroniser synchroniser_;

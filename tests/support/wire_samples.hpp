@@ -150,6 +150,7 @@ class SampleMaker {
     to.linear_velocity = vector();
     to.angular_velocity = vector();
     to.others_work_j = number();
+    to.bodies_j = 2.0 * to.others_work_j;
     to.last = coin();
   }
   void fill(WorldFrame& to) {
@@ -179,6 +180,7 @@ class SampleMaker {
     fill_all(to.ghost_peers);
     fill_all(to.peers);
     to.outside_work_j = number();
+    to.bodies_j = 2.0 * to.outside_work_j;
     if (coin()) to.suppression = {long_word(), {vector(), vector()}};
   }
   void fill(HapticReport& to) {
@@ -320,13 +322,13 @@ struct NumberVisitor {
   }
   void operator()(const DeviceCommand& d) {
     all(d.device, d.session, d.served, d.sequence, d.stamp_s, d.echoed_sent_ns, d.wrench, d.pose, d.linear_velocity,
-        d.angular_velocity, d.others_work_j, d.last);
+        d.angular_velocity, d.others_work_j, d.bodies_j, d.last);
   }
   void operator()(const WorldFrame& f) {
     all(f.user, f.session, f.served, f.stamp, f.stamp_s, f.start_in_s, f.real_time_factor, f.echoed_sent_ns,
         f.echoed_stamp, f.newest_stamp, f.last, f.cycle_s, static_cast<std::uint32_t>(f.ratio), f.planned.stamp,
         static_cast<std::uint32_t>(f.planned.ratio), f.members, f.fixed, f.islands, f.entering, f.states,
-        f.border_contacts, f.border_bodies, f.border, f.ghosts, f.ghost_peers, f.peers, f.outside_work_j,
+        f.border_contacts, f.border_bodies, f.border, f.ghosts, f.ghost_peers, f.peers, f.outside_work_j, f.bodies_j,
         f.suppression.has_value());
     if (f.suppression) all(f.suppression->until, f.suppression->place.lower, f.suppression->place.upper);
   }

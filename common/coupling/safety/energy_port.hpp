@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 namespace subworld {
 
@@ -13,9 +14,9 @@ namespace subworld {
 ///
 /// Passive: an operator gets back only energy that was put in before. The net energy alone says little, because what
 /// friction has used up would count as still there. So the level is that of a tank which holds no more than the virtual
-/// coupling can store; what is taken from the empty tank has been created. A coupling at its limit is a constant force
-/// that stores what is put in. Bodies that fall or fly onto the proxy bring energy of their own: only the world knows
-/// how much.
+/// coupling can store, and the bodies that it moves; what is taken from the empty tank has been created. A coupling at
+/// its limit is a constant force that stores what is put in. Bodies that fall or fly onto the proxy bring energy of
+/// their own: only the world knows how much.
 ///
 /// Several operators: one may receive what another has put in. What is taken from the empty tank comes first from the
 /// energy of the others (OperatorPort), and only what is not there either has been created.
@@ -29,13 +30,15 @@ class EnergyPort {
     net_j_ += into_j;
     least_j_ = std::min(least_j_, net_j_);
     level_j_ += into_j;
-    if (!at_limit) level_j_ = std::min(level_j_, capacity_j_);
+    if (!at_limit) level_j_ = std::min(level_j_, capacity_j_ + bodies_j_);
     if (level_j_ >= 0.0) return;
     const double taken_j = std::min(-level_j_, others_j);
     others_j -= taken_j;
     created_j_ -= level_j_ + taken_j;
     level_j_ = 0.0;
   }
+  /// The bodies can give back so much, J.
+  void keep(double bodies_j) noexcept { bodies_j_ = bodies_j; }
   /// Another operator has received so much of what this one put in. Returns what the tank does not hold.
   double give(double to_others_j) noexcept {
     const double given_j = std::min(to_others_j, level_j_);
@@ -49,7 +52,7 @@ class EnergyPort {
   [[nodiscard]] double created_j() const noexcept { return created_j_; }
 
  private:
-  double capacity_j_;
+  double capacity_j_, bodies_j_ = 0.0;
   double net_j_ = 0.0, least_j_ = 0.0, level_j_ = 0.0, created_j_ = 0.0;
 };
 
@@ -122,6 +125,12 @@ class PortWork {
   Wrench applied_, held_;
 };
 
+/// What an operator may receive beside the energy that went in through the own port.
+struct OthersEnergy {
+  double work_j = 0.0;    ///< of the other operators, and of bodies that fall, since the start
+  double bodies_j = 0.0;  ///< that the bodies can give back, >= 0
+};
+
 /// The port between a device and its operator, with the energy that the other operators have put into the bodies which
 /// this one feels.
 class OperatorPort {
@@ -132,17 +141,18 @@ class OperatorPort {
         work_(scene.users[user].device.kind),
         linear_(linear_capacity_j(scene.users[user])),
         angular_(angular_capacity_j(scene.users[user])),
-        others_capacity_j_(others_capacity_j(scene, user)) {}
+        others_capacity_j_(std::max(others_capacity_j(scene, user), linear_capacity_j(scene.users[user]))) {}
 
-  /// Work of the other operators since the start, J; less than before where they have received energy. That is theirs,
-  /// so it is taken from what they had put in, then from what this one has. A change that no device can make within a
-  /// step is a new start of the account.
-  void share(double others_work_j) noexcept {
-    if (!std::isfinite(others_work_j)) return;
-    const double into_j = others_work_j - others_work_j_;
-    others_work_j_ = others_work_j;
+  /// Work of the other operators, and of bodies that fall, since the start, J; less than before where operators have
+  /// received energy. That is theirs, so it is taken from what they had put in, then from what this one has. A change
+  /// that no device can make within a step is a new start of the account.
+  void share(const OthersEnergy& others) noexcept {
+    if (!std::isfinite(others.work_j) || !std::isfinite(others.bodies_j) || others.bodies_j < 0.0) return;
+    linear_.keep(others.bodies_j);
+    angular_.keep(others.bodies_j);
+    const double into_j = others.work_j - std::exchange(others_work_j_, others.work_j);
     if (!(std::abs(into_j) <= others_capacity_j_)) return;
-    others_j_ = std::min(others_j_ + into_j, others_capacity_j_);
+    others_j_ = std::min(others_j_ + into_j, others_capacity_j_ + others.bodies_j);
     if (others_j_ >= 0.0) return;
     (void)angular_.give(linear_.give(-others_j_));
     others_j_ = 0.0;

@@ -20,6 +20,9 @@ namespace subworld {
 struct Motion {
   BodyState state;                   ///< at its end
   Vec3 acceleration = Vec3::Zero();  ///< mean, m/s^2
+  double energy_j = 0.0;             ///< kinetic and potential
+  double least_j = INFINITY;         ///< of it, since the start
+  double fallen_j = 0.0;             ///< below the least of before, in the cycle
 };
 
 /// How a user's device pulls the proxy.

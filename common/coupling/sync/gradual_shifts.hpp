@@ -1,11 +1,17 @@
 #pragma once
 
 #include "coupling/sync/blend.hpp"
+#include "coupling/sync/synchroniser.hpp"
 #include "physics/engine.hpp"
 
+#include <span>
 #include <vector>
 
 namespace subworld {
+
+/// The least number of equal shares with which no correction lets the coupling's force jump so that it is felt, at most
+/// `most`. It is the same for all bodies: those that touch move together.
+[[nodiscard]] int unfelt_parts(std::span<const PairShift> pairs, const CouplingSettings& coupling, int most) noexcept;
 
 /// Corrections of a sub-world's bodies, made in equal parts: one now and one before each further step of the engine.
 /// Two engines that let bodies overlap by unequal amounts never agree; made at once, their difference would jolt the

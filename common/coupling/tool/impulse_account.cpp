@@ -27,6 +27,12 @@ void ImpulseAccount::resume(const HapticReport& before, const HapticReport& now,
   until_s_ = from_s;
 }
 
+void ImpulseAccount::count(const Wrench& instead, double until_s) noexcept {
+  const double dt = until_s - std::exchange(until_s_, until_s);
+  applied_.force += dt * instead.force;
+  applied_.torque += dt * instead.torque;
+}
+
 Wrench ImpulseAccount::pass(const HapticReport& before, const HapticReport& now, const ForceLimits& limits,
                             double until_s) noexcept {
   const double dt = until_s - std::exchange(until_s_, until_s);

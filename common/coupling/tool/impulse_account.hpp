@@ -24,6 +24,9 @@ class ImpulseAccount {
   [[nodiscard]] Wrench pass(const HapticReport& before, const HapticReport& now, const ForceLimits& limits,
                             double until_s) noexcept;
 
+  /// Adds what acts in the user's place in the cycle that ends at `until_s`.
+  void count(const Wrench& instead, double until_s) noexcept;
+
   /// The account goes on from `from_s`, where J_w is set to J: meanwhile the user was absent.
   void resume(const HapticReport& before, const HapticReport& now, double from_s) noexcept;
 

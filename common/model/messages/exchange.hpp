@@ -54,7 +54,8 @@ struct DeviceCommand {
   Pose pose;      ///< for admittance devices, as the velocities
   Vec3 linear_velocity = Vec3::Zero();
   Vec3 angular_velocity = Vec3::Zero();
-  double others_work_j = 0.0;  ///< of the other operators on the bodies that this one feels, since the start
+  double others_work_j = 0.0;  ///< see WorldFrame; of all other operators whom this one feels
+  double bodies_j = 0.0;       ///< see WorldFrame
   bool last = false;           ///< the run is over
 };
 bool fields(auto& archive, Is<DeviceCommand> auto& m) {
@@ -62,7 +63,7 @@ bool fields(auto& archive, Is<DeviceCommand> auto& m) {
          archive("sequence_number", m.sequence) && archive("stamp_s", m.stamp_s) &&
          archive("echoed_sent_ns", m.echoed_sent_ns) && archive("wrench", m.wrench) && archive("pose", m.pose) &&
          archive("linear_velocity", m.linear_velocity) && archive("angular_velocity", m.angular_velocity) &&
-         archive("others_work_j", m.others_work_j) && archive("last", m.last);
+         archive("others_work_j", m.others_work_j) && archive("bodies_j", m.bodies_j) && archive("last", m.last);
 }
 
 /// A contact between a body inside the sub-world and one outside (paper 4.2), or a pair that may come into contact soon
@@ -178,8 +179,10 @@ struct WorldFrame {
   std::vector<GhostModel> ghosts;
   std::vector<GhostPeer> ghost_peers;
   std::vector<PeerDevice> peers;
-  /// Since the start, of the other operators whom contacts connect to this one while their proxies are not members.
+  /// Since the start, J: of the other operators whom contacts connect to this one while their proxies are not members,
+  /// and what the connected bodies have lost below the least energy of before.
   double outside_work_j = 0.0;
+  double bodies_j = 0.0;                   ///< energy of the connected bodies above the least that each has had
   std::optional<Suppression> suppression;  ///< takes effect after this frame
 };
 bool fields(auto& archive, Is<WorldFrame> auto& m) {
@@ -199,7 +202,7 @@ bool fields(auto& archive, Is<WorldFrame> auto& m) {
          archive("border_contacts", m.border_contacts) && archive("border_bodies", m.border_bodies) &&
          archive("border", m.border) && archive("ghosts", m.ghosts, changes.ghosts) &&
          archive("carried_bodies", m.ghosts, changes.carried) && archive("ghost_peers", m.ghost_peers) &&
-         archive("peers", m.peers) && archive("outside_work_j", m.outside_work_j) &&
+         archive("peers", m.peers) && archive("outside_work_j", m.outside_work_j) && archive("bodies_j", m.bodies_j) &&
          archive("suppression", m.suppression);
 }
 

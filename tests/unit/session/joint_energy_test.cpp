@@ -65,7 +65,7 @@ class SecondPort : public ::testing::Test {
 };
 
 TEST_F(SecondPort, GivesWhatTheOtherOperatorPutIn) {
-  port.share(0.05);
+  port.share({0.05});
   EXPECT_DOUBLE_EQ(port.linear_j(), 0.05);
   give(0.03);
   EXPECT_NEAR(port.linear_j(), 0.02, 1e-12);
@@ -76,23 +76,23 @@ TEST_F(SecondPort, GivesWhatTheOtherOperatorPutIn) {
 }
 
 TEST_F(SecondPort, DoesNotGiveTwiceWhatWentBackToTheOther) {
-  port.share(0.05);
-  port.share(0.01);  // the other one took 0.04 J back
+  port.share({0.05});
+  port.share({0.01});  // the other one took 0.04 J back
   give(0.03);
   EXPECT_NEAR(port.created_j(), 0.02, 1e-12);
   give(-0.05);
-  port.share(-0.02);  // and 0.03 J of this operator's
+  port.share({-0.02});  // and 0.03 J of this operator's
   EXPECT_NEAR(port.linear_j(), 0.02, 1e-12);
 }
 
 TEST_F(SecondPort, DoesNotHoldMoreThanTheCouplingsOfTheOthersStore) {
-  for (int i = 1; i <= 100; ++i) port.share(0.1 * i);  // friction has dissipated most of it
+  for (int i = 1; i <= 100; ++i) port.share({0.1 * i});  // friction has dissipated most of it
   EXPECT_NEAR(port.linear_j(), 40.0 * 40.0 / (2.0 * 1000.0), 1e-12);
-  port.share(1e9);
-  port.share(NAN);
+  port.share({1e9});
+  port.share({NAN});
   EXPECT_NEAR(port.linear_j(), 0.8, 1e-12) << "no device can do that in a step";
   give(0.5);
-  port.share(1e9 + 0.25);
+  port.share({1e9 + 0.25});
   EXPECT_NEAR(port.linear_j(), 0.55, 1e-6) << "the account goes on";
 }
 
@@ -141,26 +141,28 @@ TEST(JointImpulse, OfTheDevicesIsThatOfTheWorld) {
   }
 }
 
-// The port of the second operator gives 20 mJ more than there is.
+// The port of the second operator gives 0.2 J more than there is.
 TEST(JointEnergy, OfNobodyIsSeenByTheWorld) {
   Scene scene = pushed_back("reduced", 4, 0.0, Passivity::off);
   CoupledRun run(scene);
   for (int i = 0; i < 100; ++i) run.cycle();
   HapticReport report = run.report(1);
   ASSERT_LT(run.world.facts().operators_created_j, 1e-3);
+  report.members.clear();  // no body gives energy
   World world(scene);
+  ASSERT_TRUE(world.settle([](double) { return true; }));
   for (std::uint64_t stamp = 0; stamp < 20; ++stamp) {
     for (const std::uint32_t u : {0U, 1U}) {
       report.user = UserId{u};
       report.stamp = stamp;
       report.stamp_s = 4e-3 * static_cast<double>(stamp);
-      report.operator_work_j = u == 0 ? 2e-3 * static_cast<double>(stamp) : -3e-3 * static_cast<double>(stamp);
+      report.operator_work_j = u == 0 ? 2e-3 * static_cast<double>(stamp) : -12e-3 * static_cast<double>(stamp);
       HapticReport sent = report;
       ASSERT_TRUE(world.receive(std::move(sent)));
     }
     world.step();
   }
-  EXPECT_NEAR(world.facts().operators_created_j, 0.019, 1e-12) << "1 mJ a cycle";
+  EXPECT_NEAR(world.facts().operators_created_j, 0.19, 0.01) << "10 mJ a cycle; the cube comes to rest with less";
 }
 
 }  // namespace

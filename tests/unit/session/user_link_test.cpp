@@ -86,7 +86,7 @@ TEST(UserLink, FollowsEachRowOfTheTable) {
       user.reach(from);
       EXPECT_EQ(user.happen(static_cast<LinkEvent>(event)), action != LinkAction::refuse);
       EXPECT_EQ(user.link.presence(), to);
-      EXPECT_EQ(user.link.holds(), to >= UserPresence::held);
+      EXPECT_EQ(user.link.holds(), to != UserPresence::present || !user.link.reports().heard());
       if (action == LinkAction::forget) {
         EXPECT_FALSE(user.link.reports().heard());
       }
@@ -109,6 +109,21 @@ TEST(UserLink, AUserWhoFallsSilentIsHeldWithTheLastWrench) {
   user.reach(UserPresence::held);
   user.link.act(4, 0.04, {}, user.link.spec().coupling);
   EXPECT_NEAR(user.link.wrench().force.x(), 2.0, 1e-9);
+}
+
+TEST(UserLink, UntilAUserIsHeardTheCouplingHoldsTheProxyAndItsImpulseCounts) {
+  Link user;
+  BodyState proxy;
+  const CouplingSettings& coupling = user.link.spec().coupling;
+  proxy.position = Vec3(-0.10, 0, 0.05) - Vec3(2.0 / coupling.stiffness_n_m, 0, 0);
+  for (int cycle = 1; cycle <= 3; ++cycle) {
+    user.link.act(0, 0.01 * cycle, proxy, coupling);
+    EXPECT_NEAR(user.link.wrench().force.x(), 2.0, 1e-9);
+  }
+  EXPECT_NEAR(user.link.impulse().force.x(), 0.06, 1e-12);
+  for (int stamp = 1; stamp <= 4; ++stamp) user.use();
+  user.link.act(4, 0.04, proxy, coupling);
+  EXPECT_NEAR(user.link.wrench().force.x(), 2.0, 1e-9) << "nothing is exerted twice, nothing is lost";
 }
 
 TEST(UserLink, TotalsOfAUserWhoJoinsGoOnFromThoseThatTheWorldHas) {

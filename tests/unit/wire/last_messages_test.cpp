@@ -166,7 +166,7 @@ TEST(LastMessages, KeepsTheNewestWithoutAnAllocation) {
   const std::size_t commands = lines.size() - 4;
   for (std::size_t i = 1; i <= commands; ++i) {
     ASSERT_EQ(lines[i], "sent,device_command,2," + std::to_string(kMany - 1 - commands + i) +
-                            ",1.5,213,0.5,0,0.125,1,-2,0.25,,last");
+                            ",1.5,221,0.5,0,0.125,1,-2,0.25,,last");
   }
   EXPECT_TRUE(lines[commands + 1].starts_with("received,status,1,0,0,")) << lines[commands + 1];
   EXPECT_TRUE(lines[commands + 1].ends_with(",,,,,,,,a state that ")) << lines[commands + 1];
