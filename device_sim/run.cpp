@@ -12,6 +12,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace subworld {
@@ -32,7 +33,13 @@ DevicePorts::DevicePorts(const Options& options, const Scene& scene_file)
       states(bus->writer<DeviceState>(device_partition(options.user))),
       commands(bus->reader<DeviceCommand>(device_partition(options.user))),
       status(*bus, ProgramKind::device_sim, static_cast<std::uint32_t>(options.user),
-             fmt::format("device_sim {}", options.user)) {}
+             fmt::format("device_sim {}", options.user)) {
+  const Settings& settings = scene_file.settings;
+  if (settings.mode == Mode::lockstep || settings.users < 2) return;
+  const double rate_hz = scene_file.users[static_cast<std::size_t>(options.user)].device.rate_hz;
+  shared_states.emplace(
+      bus->shared_device_writer(shared_device_partition(options.user), shared_period_s(settings, rate_hz)));
+}
 
 DeviceMeasures::DeviceMeasures(const Options& options, const History::Say& say)
     : LoopMeasures(options, fmt::format("device_{}", options.user),
@@ -63,11 +70,13 @@ DeviceResult DeviceMeasures::result(const DeviceGuard& guard) {
   return result;
 }
 
-bool DeviceRun::send_state(TimePoint now, DeviceState state) const noexcept {
+bool DeviceRun::send_state(TimePoint now, DeviceState state, bool to_all) const noexcept {
   state.session = session;
   state.sender = ports.identity;
   state.sent_ns = to_ns(now);
-  return ports.states.write(state);
+  if (!ports.states.write(state)) return false;
+  if (to_all && ports.shared_states) ports.shared_states->write(state);
+  return true;
 }
 
 std::optional<std::uint64_t> join(const DeviceRun& run) {
@@ -184,6 +193,7 @@ class RealtimeLoop : DeviceRun {
         period_s_(1.0 / rate_hz_),
         stale_s_(std::max(kLate_s, 2.0 * std::max(period_s_, scene.settings.h_s)) +
                  scene.settings.sample_period_s(rate_hz_) - period_s_),
+        shared_every_(scene.settings.deadband_in_use() > 0.0 ? 1 : std::max(1, static_cast<int>(std::lround(kShared_s * rate_hz_)))),
         deadband_(scene.settings.deadband_in_use(), scene.users[static_cast<std::size_t>(options.user)]),
         loop_(Clock::now(), period_s_, from_seconds(options.spin_s), stages_),
         absent_s_(std::max(kAbsent_s, 2.0 * stale_s_)),
@@ -300,8 +310,12 @@ class RealtimeLoop : DeviceRun {
     stages_.mark(DeviceStage::advance);
     const DeviceState& state = device.state();
     // Until the haptic loop runs, each sample may be the one that it finds.
-    if (device.present() && (deadband_.sends(state, felt_, period_s_) || !running()) && send_state(begin, state))
+    const bool to_all = ++since_shared_ >= shared_every_;
+    if (device.present() && (deadband_.sends(state, felt_, period_s_) || !running()) &&
+        send_state(begin, state, to_all)) {
       check_.sent(state.sequence, to_ns(begin));
+      if (to_all) since_shared_ = 0;
+    }
     const TimePoint end = stages_.mark(DeviceStage::send);
     Miss miss = loop_.judge(end, loop_.deadline());
     if (stands_) miss = Miss::none;  // while the run is paused, the force is zero
@@ -320,6 +334,8 @@ class RealtimeLoop : DeviceRun {
   double rate_hz_, period_s_;
   double stale_s_;       ///< age of a command at which the force fades out
   bool stands_ = false;  ///< the sub-world's time stands: the run is paused
+  int shared_every_;     ///< states, of which one goes to all users' programs
+  int since_shared_ = 0;
   Deadband<DeviceState> deadband_;
   PacedLoop<DeviceStage> loop_;
   double absent_s_;  ///< age of the newest command from which the haptic process is absent

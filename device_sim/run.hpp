@@ -22,6 +22,7 @@ struct DevicePorts {
   std::unique_ptr<Bus> bus;
   Reader<SceneDescription> scene;
   Writer<DeviceState> states;
+  std::optional<Writer<DeviceState>> shared_states;  ///< for the other users' programs, in real time
   Reader<DeviceCommand> commands;
   StatusBeacon status;
 };
@@ -68,8 +69,8 @@ struct DeviceRun {
   std::uint64_t session = 0;  ///< of the world; 0: not joined yet
 
   [[nodiscard]] Peer haptic_sim() const noexcept { return {ProgramKind::haptic_sim, device.state().device}; }
-  /// Sends a state of the device.
-  bool send_state(TimePoint now, DeviceState state) const noexcept;
+  /// Sends a state of the device, and `to_all` users' programs where those need not have each.
+  bool send_state(TimePoint now, DeviceState state, bool to_all = false) const noexcept;
 };
 
 /// Waits for the world's scene and the haptic process. Returns the world's session, or nothing after a request to stop.

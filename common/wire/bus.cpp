@@ -144,13 +144,16 @@ struct AnyWriter::Impl {
   std::unique_ptr<AnyCodec> codec;
   std::uint8_t topic;
   std::uint16_t user;
+  bool kept;
   std::uint32_t number = 0;
   std::uint64_t bytes = 0;
 };
 
-AnyWriter::AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition)
-    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition)), make_codec(topic),
-                     static_cast<std::uint8_t>(topic), user_of_partition(partition)}) {}
+AnyWriter::AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition,
+                     std::optional<double> shared_period_s)
+    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition, shared_period_s)),
+                     make_codec(topic), static_cast<std::uint8_t>(topic), user_of_partition(partition),
+                     !shared_period_s}) {}
 AnyWriter::AnyWriter(AnyWriter&&) noexcept = default;
 AnyWriter& AnyWriter::operator=(AnyWriter&&) noexcept = default;
 AnyWriter::~AnyWriter() = default;
@@ -159,7 +162,8 @@ bool AnyWriter::write_any(const void* sample) noexcept {
   test_delay();
   const auto cdr = impl_->codec->encode(sample);
   if (cdr.empty() || !impl_->backend->write(cdr)) return false;
-  keep_message({.number = impl_->number++, .user = impl_->user, .topic = impl_->topic, .sent = true}, sample, cdr);
+  if (impl_->kept)
+    keep_message({.number = impl_->number++, .user = impl_->user, .topic = impl_->topic, .sent = true}, sample, cdr);
   impl_->bytes += cdr.size();
   return true;
 }
@@ -268,6 +272,10 @@ EventCounts Bus::events() const noexcept { return impl_->events.counts(); }
 std::string Bus::take_event_text(EventKind kind) { return impl_->events.take_text(kind); }
 void Bus::forget_absences() noexcept { impl_->events.forget(EventKind::absence); }
 const std::string& Bus::effective_settings() const noexcept { return impl_->settings; }
+
+double shared_period_s(const Settings& settings, double rate_hz) noexcept {
+  return settings.sample_period_s(std::min(rate_hz, 1.0 / kShared_s));
+}
 
 std::unique_ptr<Bus> open_bus(const BusConfig& config) { return std::make_unique<Bus>(config); }
 

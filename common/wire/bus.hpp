@@ -56,7 +56,7 @@ class AnyWriter {
   [[nodiscard]] std::uint64_t sent_bytes() const noexcept;  ///< payload
 
  protected:
-  AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition);
+  AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition, std::optional<double> shared_period_s);
   bool write_any(const void* sample) noexcept;
 
  private:
@@ -74,7 +74,8 @@ class Writer : public AnyWriter {
 
  private:
   friend class Bus;
-  Writer(const Bus& bus, const std::string& partition) : AnyWriter(bus, kTopicIndex<M>, partition) {}
+  Writer(const Bus& bus, const std::string& partition, std::optional<double> shared_period_s = {})
+      : AnyWriter(bus, kTopicIndex<M>, partition, shared_period_s) {}
 };
 
 /// The part of a reader that is the same for all topics.
@@ -159,6 +160,10 @@ class Bus {
   [[nodiscard]] Reader<M> reader(const std::string& partition = {}) {
     return {*this, partition};
   }
+  /// For samples that another writer has sent as well, to fewer readers: they are not kept. `period_s` of the samples.
+  [[nodiscard]] Writer<DeviceState> shared_device_writer(const std::string& partition, double period_s) {
+    return {*this, partition, period_s};
+  }
   /// Of a device whose period is another one than the bus's.
   [[nodiscard]] Reader<DeviceState> device_reader(const std::string& partition, double device_period_s) {
     return {*this, partition, device_period_s};
@@ -188,6 +193,12 @@ class Bus {
 /// Each user's frames and reports, and each device's states and commands, have their own partition.
 inline std::string user_partition(int user) { return "user_" + std::to_string(user); }
 inline std::string device_partition(int device) { return "device_" + std::to_string(device); }
+/// In real time the other users' programs get the states of a device here, at most every kShared_s: a hand's motion is
+/// predicted over that time, and each message to each user costs both sides tens of microseconds.
+inline std::string shared_device_partition(int device) { return "shared_device_" + std::to_string(device); }
+inline constexpr double kShared_s = 0.004;
+/// Longest regular time between two such states of a device of this rate, s.
+[[nodiscard]] double shared_period_s(const Settings& settings, double rate_hz) noexcept;
 
 /// Throws `Error` (middleware) with place, fault and cure.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const BusConfig& config);

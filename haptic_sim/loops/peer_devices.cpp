@@ -10,8 +10,12 @@ constexpr std::uint64_t bit(std::size_t user) noexcept { return std::uint64_t{1}
 
 }  // namespace
 
-PeerDevices::PeerDevices(Bus& bus, const Scene& scene) : bus_(bus), readers_(scene.users.size()) {
-  for (const UserSpec& user : scene.users) periods_s_.push_back(scene.settings.sample_period_s(user.device.rate_hz));
+PeerDevices::PeerDevices(Bus& bus, const Scene& scene)
+    : bus_(bus), shared_(scene.settings.mode == Mode::realtime), readers_(scene.users.size()) {
+  for (const UserSpec& user : scene.users) {
+    periods_s_.push_back(shared_ ? shared_period_s(scene.settings, user.device.rate_hz)
+                                 : scene.settings.sample_period_s(user.device.rate_hz));
+  }
 }
 
 PeerDevices::~PeerDevices() { stop(); }
@@ -25,7 +29,11 @@ void PeerDevices::stop() {
 
 Reader<DeviceState>& PeerDevices::open(std::size_t user) {
   std::optional<Reader<DeviceState>>& reader = readers_[user];
-  if (!reader) reader.emplace(bus_.device_reader(device_partition(static_cast<int>(user)), periods_s_[user]));
+  const auto number = static_cast<int>(user);
+  if (!reader) {
+    reader.emplace(bus_.device_reader(shared_ ? shared_device_partition(number) : device_partition(number),
+                                      periods_s_[user]));
+  }
   open_.fetch_or(bit(user), std::memory_order_release);
   return *reader;
 }

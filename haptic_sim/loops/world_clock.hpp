@@ -48,8 +48,11 @@ class WorldClock {
 
   /// For the step that begins now: simulated seconds per second.
   double step() noexcept { return phase_.step(sub_.facts().time_s, settings_.h_s); }
-  /// Simulated time that the step covers.
-  double step_s(double rate) noexcept { return arrears_.step(settings_.h_s * rate, sub_.clock().left_s()); }
+  /// Simulated time that the step covers; none in some steps of a slowed clock. The cores are too few then: the force
+  /// goes on in each step, and the world gets what the others would have cost.
+  double step_s(double rate) noexcept {
+    return arrears_.step(settings_.h_s * rate, sub_.clock().left_s(), settings_.h_s);
+  }
 
   [[nodiscard]] const Phase& phase() const noexcept { return phase_; }
   [[nodiscard]] TimePoint world_begins() const noexcept { return world_begins_; }

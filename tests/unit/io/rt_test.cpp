@@ -75,6 +75,27 @@ TEST(Arrears, AreMadeUpForGently) {
   EXPECT_LT(arrears.owed_s(), 0.05 * h);
 }
 
+// The cores are too few then, and steps without motion cost little.
+TEST(Arrears, ASlowedClockMovesInWholeStepsAndLosesNoTime) {
+  constexpr double kStep = 0.001, kCycle = 0.004;
+  for (const double rate : {0.8, 0.31, 0.02}) {
+    Arrears arrears;
+    arrears.owe(0.003);
+    double passed = 0.0, in_cycle = 0.0;
+    int moved = 0;
+    for (int i = 0; i < 5000; ++i) {
+      const double dt = arrears.step(rate * kStep, kCycle - in_cycle, kStep);
+      if (dt == 0.0) continue;
+      EXPECT_NEAR(dt, kStep, 1e-9);
+      ++moved;
+      passed += dt;
+      in_cycle = in_cycle + dt < kCycle - 1e-9 ? in_cycle + dt : 0.0;
+    }
+    EXPECT_NEAR(passed + arrears.owed_s(), 0.003 + 5000 * rate * kStep, 1e-9) << rate;
+    EXPECT_LE(moved, 5000 * rate + 4) << rate;
+  }
+}
+
 // A step that always takes longer than its period: every other period is lost, and the clock still stays correct.
 TEST(Arrears, AStandingOverloadIsCarried) {
   constexpr double h = 1e-3;
