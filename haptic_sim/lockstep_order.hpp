@@ -39,6 +39,12 @@ class LockstepOrder {
   /// How many states of a peer's device have been heard since t = 0. Before step k, which needs them of the peers in
   /// the sub-world, there must be k + 1, but for those that it misses.
   [[nodiscard]] std::uint64_t heard(std::size_t peer) const noexcept { return peers_[peer].steps; }
+  /// Before the first state, for measurements: the peers' states arrive at once, whatever the delay of the settings.
+  void hear_at_once() {
+    Settings at_once = settings_;
+    at_once.delay = {};
+    for (Peer& of : peers_) of.states = {at_once, Direction::from_peer, user_, step_};
+  }
   /// A state of a peer's device: the next one or, of a program that was started again, the first of a later step.
   /// Dropped where the sub-world has had that step, or misses it.
   void hear(std::size_t peer, const DeviceState& state);

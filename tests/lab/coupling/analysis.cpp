@@ -68,6 +68,13 @@ bool comparable(const Json& row) {
   return std::isfinite(number(row, "force_error_rms")) && std::isfinite(number(row, "reference_error"));
 }
 
+bool at_bound(double error, double reference_error, double causal_error) {
+  constexpr double kNear = 1.1;
+  return error <= std::max(usable(reference_error) ? reference_error : 0.0, kNear * causal_error);
+}
+
+bool at_causal_bound(const Json& row) { return number(row, "causal_error") > 0.0 && row.at("at_bound").get<bool>(); }
+
 bool imperceptible(const Json& row) {
   return ranked(row) && number(row, "force_error_rms") <= kImperceptibleRms &&
          number(row, "force_error_p99") <= kImperceptibleP99 &&

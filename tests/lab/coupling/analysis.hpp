@@ -23,6 +23,10 @@ inline constexpr double kImperceptibleOffset_s = 0.005;  ///< a third of the del
 /// Whether errors can be compared with a reference of this error. If the reference error itself can be felt, the
 /// reference is only one of many valid ones.
 [[nodiscard]] inline bool usable(double reference_error) { return reference_error <= kImperceptibleRms; }
+/// Whether a coupling can hardly have a smaller error than this one (lab/coupling/causal).
+[[nodiscard]] bool at_bound(double error, double reference_error, double causal_error);
+/// The same of a row, where the bound is one of causality.
+[[nodiscard]] bool at_causal_bound(const Json& row);
 [[nodiscard]] bool imperceptible(const Json& row);
 /// The first row of each engine of the world.
 [[nodiscard]] std::vector<const Json*> first_of_each_engine(const std::vector<const Json*>& rows);

@@ -186,14 +186,17 @@ class Progress {
       const double part = row.at(column).get<double>();
       return std::isfinite(part) ? fmt::format("{:6.2f} %", 100.0 * part) : "unknown";
     };
-    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (reference error {}){}  {:.3g} CPU s/s{}\n", rows.size(),
-               points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
+    const bool bounded = number(row, "causal_error") > 0.0;
+    fmt::print("[{:3}/{}] {:<13} {:<13} r={:<3} {:<32} rms {} (reference error {}{}){}{}  {:.3g} CPU s/s{}\n",
+               rows.size(), points_, row.at("scene").get<std::string>(), row.at("scheme").get<std::string>(),
                row.at("ratio").get<int>(), swept_text(row, columns_, ""),
                !row.at("survived").get<bool>() ? "did not survive"
                : comparable(row)               ? percent("force_error_rms")
                                                : "unknown, the reference felt no force",
-               percent("reference_error"), row.at("at_reference_error").get<bool>() ? ", not significant" : "",
-               total_cpu(row), left_.text(static_cast<double>(rows.size())));
+               percent("reference_error"), bounded ? ", causal error " + percent("causal_error") : "",
+               row.at("at_reference_error").get<bool>() ? ", not significant" : "",
+               at_causal_bound(row) ? ", at the bound" : "", total_cpu(row),
+               left_.text(static_cast<double>(rows.size())));
     std::fflush(stdout);
   }
 

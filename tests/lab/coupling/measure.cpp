@@ -15,20 +15,7 @@ namespace subworld {
 
 namespace {
 
-constexpr int kFiner = 4;  ///< refinement of the step for the error of the reference
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-/// Every `step`th force of each user.
-std::vector<FeltHistory> thinned(const std::vector<FeltHistory>& felt, std::size_t step) {
-  std::vector<FeltHistory> kept(felt.size());
-  for (std::size_t u = 0; u < felt.size(); ++u) {
-    for (std::size_t i = 0; i < felt[u].force.size(); i += step) {
-      kept[u].force.push_back(felt[u].force[i]);
-      kept[u].on_operator.push_back(felt[u].on_operator[i]);
-    }
-  }
-  return kept;
-}
 
 double position_error_rms_m(const std::vector<FeltHistory>& a, const std::vector<FeltHistory>& b) {
   double sum = 0.0;
@@ -70,7 +57,7 @@ Json settings_of(const Point& point, Scene scene, const Outcome& run) {
 
 constexpr ForceError kNoError{kNone, kNone, kNone, kNone, kNone, kNone, kNone};
 
-Json errors_of(const ForceError& e, double reference_error) {
+Json errors_of(const ForceError& e, double reference_error, double causal_error) {
   return {{"force_error_rms", e.rms},
           {"force_error_p99", e.p99},
           {"force_error_max", e.max},
@@ -78,7 +65,9 @@ Json errors_of(const ForceError& e, double reference_error) {
           {"value_offset", e.value_offset},
           {"jitter_ratio", e.jitter_ratio},
           {"smoothed_force_error_rms", e.smoothed_rms},
-          {"reference_error", reference_error}};
+          {"reference_error", reference_error},
+          {"causal_error", causal_error},
+          {"at_bound", at_bound(e.rms, reference_error, causal_error)}};
 }
 
 Json on_operator_errors_of(const ForceError& e) {
@@ -131,7 +120,7 @@ double torque_error_rms(const UserSpec& user, const FeltHistory& run, const Felt
 
 /// A row of each user; and the worst one's in the row of all.
 std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene, const Outcome& run,
-                            const Reference& reference) {
+                            const Reference& reference, const CausalErrors& causal) {
   std::vector<ForceError> errors(run.felt.size(), kNoError), on_operator = errors;
   if (run.finite) {
     errors = force_errors(run.felt, reference.run.felt, scene.settings.h_s);
@@ -143,7 +132,7 @@ std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene,
   for (std::size_t u = 0; u < errors.size(); ++u) {
     users.push_back(settings);
     users.back().update({{"user", u}, {"user_name", scene.users[u].name}});
-    users.back().update(errors_of(errors[u], reference.errors[u].rms));
+    users.back().update(errors_of(errors[u], reference.errors[u].rms, causal.by_user[u]));
     users.back().update(on_operator_errors_of(on_operator[u]));
     const UserBalance& balance = run.balance[u];
     users.back()["work_j"] = run.felt[u].work_j;
@@ -160,16 +149,17 @@ std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene,
   row.update({{"worst_user", worst},
               {"worst_user_force_error_rms", errors[worst].rms},
               {"worst_user_reference_error", reference.errors[worst].rms},
+              {"worst_user_causal_error", causal.by_user[worst]},
               {"torque_error_rms", worst_torque}});
   return users;
 }
 
-void add_errors(Json& row, const Scene& scene, const Outcome& run, const Reference& reference) {
+void add_errors(Json& row, const Scene& scene, const Outcome& run, const Reference& reference, double causal_error) {
   const ForceError e = run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s) : kNoError;
   const ForceError on_operator =
       run.finite ? force_error(run.felt, reference.run.felt, scene.settings.h_s, &FeltHistory::on_operator) : kNoError;
   const double drift_m = run.finite ? drift_max_m(scene, run.end, reference.run.end) : kNone;
-  row.update(errors_of(e, reference.error));
+  row.update(errors_of(e, reference.error, causal_error));
   row.update(on_operator_errors_of(on_operator));
   add_balance(row, run, reference);
   row.update({{"survived", run.finite && std::isfinite(drift_m)},
@@ -197,8 +187,9 @@ void add_run_times(Json& row, const Outcome& run) {
 
 }  // namespace
 
-std::optional<Outcome> run_out(const Scene& scene) {
+std::optional<Outcome> run_out(const Scene& scene, const Prepare& prepare) {
   const auto run = std::make_unique<CoupledRun>(scene);
+  if (prepare) prepare(*run);
   Outcome out;
   BalanceWatch balance(*run, scene);
   while (run->finite() && !run->world.facts().over) {
@@ -233,22 +224,6 @@ std::optional<Outcome> run_out(const Scene& scene) {
   return out;
 }
 
-std::optional<Reference> reference_of(const Scene& scene) {
-  std::optional<Outcome> run = run_out(scene);
-  if (!run) return std::nullopt;
-  const std::optional<Outcome> fine = run_out(refined(scene, kFiner));
-  if (!fine) return std::nullopt;
-  const double h_s = scene.settings.h_s;
-  const std::vector<FeltHistory> finer = thinned(fine->felt, kFiner);
-  Reference reference{.run = {},
-                      .error = force_error(run->felt, finer, h_s).rms,
-                      .errors = force_errors(run->felt, finer, h_s),
-                      .on_operator_errors = force_errors(run->felt, finer, h_s, &FeltHistory::on_operator),
-                      .drift_m = drift_max_m(scene, run->end, fine->end)};
-  reference.run = std::move(*run);
-  return reference;
-}
-
 double drift_max_m(const Scene& scene, const std::vector<BodyState>& a, const std::vector<BodyState>& b) {
   double most = 0.0;
   for (const Body& body : scene.bodies) {
@@ -274,32 +249,19 @@ std::vector<ForceError> force_errors(const std::vector<FeltHistory>& felt, const
   return errors;
 }
 
-const Reference* References::of(const Point& point) {
-  const std::string key = reference_key(point);
-  if (const auto found = known_.find(key); found != known_.end()) return &found->second;
-  std::optional<Reference> reference = reference_of(reference_scene_of(point));
-  return reference ? &known_.emplace(key, std::move(*reference)).first->second : nullptr;
-}
-
-const Outcome* References::run_of(const Point& point) {
-  const std::string key = reference_key(point);
-  if (const auto found = known_.find(key); found != known_.end()) return &found->second.run;
-  if (const auto found = runs_.find(key); found != runs_.end()) return &found->second;
-  std::optional<Outcome> run = run_out(reference_scene_of(point));
-  return run ? &runs_.emplace(key, std::move(*run)).first->second : nullptr;
-}
-
 std::optional<Measured> measure(const Point& point, References& references, MutualLatencies* mutual) {
   const Reference* reference = references.of(point);
   if (reference == nullptr) return std::nullopt;
+  const CausalErrors* const causal = references.causal_of(point);
+  if (causal == nullptr) return std::nullopt;
   const Scene scene = scene_of(point);
   const std::optional<Outcome> run = run_out(scene);
   if (!run) return std::nullopt;
 
   const Json settings = settings_of(point, scene, *run);
   Measured measured{.row = settings, .users = {}, .traces = {}};
-  add_errors(measured.row, scene, *run, *reference);
-  measured.users = add_users(measured.row, settings, scene, *run, *reference);
+  add_errors(measured.row, scene, *run, *reference, causal->all);
+  measured.users = add_users(measured.row, settings, scene, *run, *reference, *causal);
   add_run_times(measured.row, *run);
   std::vector<std::optional<MutualLatency>> latencies(run->felt.size());
   if (mutual != nullptr && run->finite && !mutual->measure(point, *run, *reference, latencies)) return std::nullopt;

@@ -6,6 +6,7 @@
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -34,8 +35,9 @@ struct Outcome {
   MeanMax border_pairs;
 };
 
-/// Empty if a signal requested a stop.
-[[nodiscard]] std::optional<Outcome> run_out(const Scene& scene);
+using Prepare = std::function<void(CoupledRun&)>;
+/// `prepare` is called before the first cycle. Empty if a signal requested a stop.
+[[nodiscard]] std::optional<Outcome> run_out(const Scene& scene, const Prepare& prepare = {});
 
 struct Reference {
   Outcome run;
@@ -63,6 +65,12 @@ using ForceOf = std::vector<Vec3> FeltHistory::*;
                                                    const std::vector<FeltHistory>& reference, double h_s,
                                                    ForceOf force = &FeltHistory::force);
 
+/// RMS force errors of an ideal coupling (lab/coupling/causal).
+struct CausalErrors {
+  double all = 0.0;  ///< of all users
+  std::vector<double> by_user;
+};
+
 /// Cache of references.
 class References {
  public:
@@ -70,10 +78,13 @@ class References {
   [[nodiscard]] const Reference* of(const Point& point);
   /// Without the error of the reference, which takes most of the time.
   [[nodiscard]] const Outcome* run_of(const Point& point);
+  /// With the delay of the point.
+  [[nodiscard]] const CausalErrors* causal_of(const Point& point);
 
  private:
   std::map<std::string, Reference> known_;
   std::map<std::string, Outcome> runs_;
+  std::map<std::string, CausalErrors> causal_;
 };
 
 /// Felt force of a user, with the reference.

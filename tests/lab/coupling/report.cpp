@@ -16,7 +16,10 @@ constexpr const char* kHowToRead = R"(<p>Each point is the whole system (world, 
 lock-step in one process. The <b>felt force</b> is compared with that of a <b>reference</b>: the same scene and engine in
 one world at the haptic step, without any coupling. The <b>error</b> is the root mean square of the difference over that
 of the reference, over all users. The reference is not exact. Its difference from the same world at a quarter of the
-step is the <b>reference error</b>. Differences below the reference error are not significant. A
+step is the <b>reference error</b>. Differences below the reference error are not significant. With
+delay, nobody can know the newest motion of another user. The <b>causal error</b> is that of an ideal coupling that
+predicts it and has no other error. A setting is <b>at the bound</b> when its error is at most the reference error or 1.1
+times the causal error. A
 setting is called <b>imperceptible</b> when the RMS error is at most 3.5 %, its 99th percentile at most 7 % of the largest
 force, and the force at most 5 ms early or late. The best settings are low and to the left: a small error for little
 <b>CPU time</b>. It is the CPU time of world, sub-worlds and synchronisation in seconds per simulated second, without the
@@ -41,6 +44,7 @@ constexpr const char* kVariants =
     "itself";
 
 constexpr Column kColumns[] = {{"error RMS %", "force_error_rms", 1e2, 3},
+                               {"causal error %", "causal_error", 1e2, 3},
                                {"p99 %", "force_error_p99", 1e2, 3},
                                {"max %", "force_error_max", 1e2, 3},
                                {"offset ms", "time_offset_s", 1e3, 3},
@@ -73,6 +77,7 @@ std::string marks_of(const Json& row, bool is_dominated) {
   };
   add(!row.at("survived").get<bool>(), "did not survive");
   add(row.at("at_reference_error").get<bool>(), "<span class=good>at the reference error</span>");
+  add(at_causal_bound(row), "<span class=good>at the bound</span>");
   add(imperceptible(row), "<span class=good>imperceptible</span>");
   add(row.at("survived").get<bool>() && is_dominated, "dominated");
   return marks;
@@ -108,6 +113,7 @@ constexpr Column kUserColumns[] = {{"error RMS %", "force_error_rms", 1e2, 3},
                                    {"p99 %", "force_error_p99", 1e2, 3},
                                    {"offset ms", "time_offset_s", 1e3, 3},
                                    {"reference error %", "reference_error", 1e2, 3},
+                                   {"causal error %", "causal_error", 1e2, 3},
                                    {"on the operator: RMS %", "operator_force_error_rms", 1e2, 3},
                                    {"bounded % of steps", "bounded_ratio", 1e2, 3},
                                    {"work J", "work_j", 1, 3},
@@ -123,12 +129,14 @@ std::string users_of(const Rows& users, const Json& scene) {
   std::ranges::copy_if(users, std::back_inserter(mine), [&](const Json& row) { return row.at("scene") == scene; });
   if (std::ranges::all_of(mine, [](const Json& row) { return row.at("user") == 0; })) return "";
   const std::vector<std::string> columns = swept(mine);
-  TextTable table{.head = {"user", "setting"}, .rows = {}, .texts = 2};
+  TextTable table{.head = {"user", "setting"}, .rows = {}, .texts = 2, .remarks = true};
   for (const Column& column : kUserColumns) table.head.emplace_back(column.title);
+  table.head.emplace_back("remarks");
   for (const Json& row : mine) {
     std::vector<std::string>& cells = table.rows.emplace_back();
     cells = {escaped(row.at("user_name").get<std::string>()), escaped(swept_text(row, columns, ""))};
     for (const Column& column : kUserColumns) cells.push_back(cell_of(column, row));
+    cells.emplace_back(at_causal_bound(row) ? "<span class=good>at the bound</span>" : "");
   }
   return "<p>Each user alone (<code>users.csv</code>):</p>\n" + html_of(table);
 }

@@ -16,6 +16,7 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
                 "settings.presence: in one process all users take part from start to end; run the "
                 "scene by `subworld run`, or remove the key");
   states_.resize(felt.size());
+  replayed_.resize(felt.size());
   world.settle([](double) { return true; });
   const Scheme& scheme = scheme_of(scene_.settings);
   for (std::size_t u = 0; u < felt.size(); ++u) {
@@ -35,6 +36,10 @@ CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     subs[u]->synchronise_with(world.frame(u));
     if (scheme.properties.has_sub_worlds) send_report(u);
   }
+}
+
+void CoupledRun::know_peers_at_once() {
+  for (Link& link : links_) link.order.hear_at_once();
 }
 
 void CoupledRun::send_report(std::size_t user) {
@@ -91,13 +96,20 @@ void CoupledRun::haptic_step(std::size_t user) {
   felt[user].proxy.push_back(sub.facts().proxy);
 }
 
+void CoupledRun::read_device(std::size_t user) {
+  const std::size_t step = felt[user].force.size();
+  const DeviceState& read = step < replayed_[user].size() ? replayed_[user][step] : devices[user]->state();
+  if (felt.size() > 1) felt[user].device.push_back(read);
+  states_[user] = links_[user].deadband.pass(read, links_[user].felt, scene_.settings.h_s);
+}
+
 void CoupledRun::haptic_cycles() {
   const bool peers = scheme_of(scene_.settings).properties.replicates_peers;
   const int steps = subs.front()->clock().timetable().ratio(haptic_cycle_++);
   for (int step = 0; step < steps; ++step) {
     for (std::size_t u = 0; u < subs.size(); ++u) {
       deliver_frames(u);
-      states_[u] = links_[u].deadband.pass(devices[u]->state(), links_[u].felt, scene_.settings.h_s);
+      read_device(u);
     }
     for (std::size_t u = 0; u < subs.size(); ++u) {
       for (std::size_t p = 0; peers && p < subs.size(); ++p) {

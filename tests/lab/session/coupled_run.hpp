@@ -11,6 +11,7 @@
 #include "world_sim/world.hpp"
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 namespace subworld {
@@ -21,7 +22,8 @@ struct FeltHistory {
   std::vector<Vec3> torque;       ///< N m, likewise
   std::vector<Vec3> on_operator;  ///< N, of the device on the operator
   std::vector<BodyState> proxy;
-  double work_j = 0.0;  ///< that the operator has put in, without what came back
+  std::vector<DeviceState> device;  ///< as read, of one user among several
+  double work_j = 0.0;              ///< that the operator has put in, without what came back
 };
 
 /// CPU times, s per call.
@@ -37,6 +39,11 @@ class CoupledRun {
  public:
   /// `make` makes the world's engine.
   explicit CoupledRun(const Scene& scene, const EngineMaker& make = make_engine);
+
+  /// Before the first cycle. The sub-worlds know the motion of the other users' devices without delay.
+  void know_peers_at_once();
+  /// Before the first cycle. In place of its own, the user's device has these states, one for each haptic step.
+  void replay(std::size_t user, std::vector<DeviceState> states) { replayed_[user] = std::move(states); }
 
   /// Makes r haptic steps of every user, and the world's cycle.
   void cycle();
@@ -79,6 +86,7 @@ class CoupledRun {
     bool reported = false;  ///< in the last cycle of the run
   };
   void haptic_cycles();
+  void read_device(std::size_t user);
   void haptic_step(std::size_t user);
   void deliver_reports(std::size_t user);
   void send_report(std::size_t user);
@@ -88,7 +96,8 @@ class CoupledRun {
   std::uint64_t cycle_ = 0;         ///< of the world and its lead
   std::uint64_t haptic_cycle_ = 0;  ///< of the sub-worlds, which are ahead during message suppression
   std::vector<Link> links_;
-  std::vector<DeviceState> states_;  ///< of the devices in the present step
+  std::vector<DeviceState> states_;                 ///< of the devices in the present step
+  std::vector<std::vector<DeviceState>> replayed_;  ///< by user
 
  public:
   World world;
