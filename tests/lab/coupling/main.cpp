@@ -80,6 +80,10 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
           "than a cycle by its engine's published costs; 0: it is fixed")
       .range(0, kMostRatio);
   line.add("--substeps", &sweep.substeps, "the world's sub-steps per cycle; 0: as the scheme requests").range(0, 1000);
+  line.add("--oracle", &sweep.oracle,
+           "on: the sub-worlds know the motion of the other users' devices without delay, in schemes that use it; what "
+           "is left of an error is not one of prediction")
+      .one_of({"on", "off"});
   for (std::size_t i = 0; i < kAxes.size(); ++i) {
     const Setting& setting = *find_setting(kAxes[i]);
     line.add(std::string(setting.option), &request.axes[i], std::string(setting.meaning))
@@ -151,6 +155,7 @@ Json asked(const Sweep& s) {
             {"ratio", s.ratios},
             {"ratio_most", s.ratios_most},
             {"world_substeps", s.substeps},
+            {"oracle", s.oracle},
             {"stiffness_factor", s.stiffness_factors},
             {"h_s", s.h_s}};
   for (const SettingAxis& axis : s.settings) json[column_of(axis.key)] = axis.values;
@@ -177,6 +182,7 @@ class Progress {
     add("h_s", sweep.h_s.size());
     add("coupling_stiffness_n_m", sweep.stiffness_factors.size());
     add("world_substeps", sweep.substeps.size());
+    add("oracle", sweep.oracle.size());
     add("ratio_most", sweep.ratios_most.size());
     for (const SettingAxis& axis : sweep.settings) add(column_of(axis.key), axis.values.size());
   }

@@ -3,6 +3,7 @@
 #include "io/results/json.hpp"
 #include "lab/coupling/analysis.hpp"
 #include "lab/coupling/mutual.hpp"
+#include "lab/session/etvo.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/core.h>
@@ -41,7 +42,8 @@ Json settings_of(const Point& point, Scene scene, const Outcome& run) {
            {"ratio", s.ratio},
            {"ratio_most", point.ratio_most},
            {"ratio_mean", run.ratio.mean()},
-           {"world_substeps", run.substeps}};
+           {"world_substeps", run.substeps},
+           {"oracle", point.oracle}};
   const auto add = [&](const std::string& column, std::string_view key) {
     const Setting& setting = *find_setting(key);
     row[column] = json_of(setting, s, scene.users.front());
@@ -68,6 +70,20 @@ Json errors_of(const ForceError& e, double reference_error, double causal_error)
           {"reference_error", reference_error},
           {"causal_error", causal_error},
           {"at_bound", at_bound(e.rms, reference_error, causal_error)}};
+}
+
+constexpr Etvo kNoEtvo{kNone, kNone, kNone, kNone};
+
+Json etvo_of(const Etvo& e) {
+  return {{"etvo_time_s", {{"p50", e.time_p50_s}, {"p99", e.time_p99_s}}},
+          {"etvo_value_n", {{"p50", e.value_p50_n}, {"p99", e.value_p99_n}}}};
+}
+
+/// The largest of each.
+void add(Etvo& worst, const Etvo& e) {
+  for (double Etvo::*part : {&Etvo::time_p50_s, &Etvo::time_p99_s, &Etvo::value_p50_n, &Etvo::value_p99_n}) {
+    if (!(e.*part <= worst.*part) && !std::isnan(e.*part)) worst.*part = e.*part;
+  }
 }
 
 Json on_operator_errors_of(const ForceError& e) {
@@ -129,11 +145,16 @@ std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene,
   std::vector<Json> users;
   std::size_t worst = 0;
   double worst_torque = kNone;
+  Etvo worst_etvo = kNoEtvo;
   for (std::size_t u = 0; u < errors.size(); ++u) {
     users.push_back(settings);
     users.back().update({{"user", u}, {"user_name", scene.users[u].name}});
     users.back().update(errors_of(errors[u], reference.errors[u].rms, causal.by_user[u]));
     users.back().update(on_operator_errors_of(on_operator[u]));
+    const Etvo offsets =
+        run.finite ? etvo(run.felt[u].force, reference.run.felt[u].force, scene.settings.h_s) : kNoEtvo;
+    users.back().update(etvo_of(offsets));
+    add(worst_etvo, offsets);
     const UserBalance& balance = run.balance[u];
     users.back()["work_j"] = run.felt[u].work_j;
     users.back().update(
@@ -151,6 +172,7 @@ std::vector<Json> add_users(Json& row, const Json& settings, const Scene& scene,
               {"worst_user_reference_error", reference.errors[worst].rms},
               {"worst_user_causal_error", causal.by_user[worst]},
               {"torque_error_rms", worst_torque}});
+  row.update(etvo_of(worst_etvo));
   return users;
 }
 
@@ -186,6 +208,11 @@ void add_run_times(Json& row, const Outcome& run) {
 }
 
 }  // namespace
+
+Prepare prepare_of(const Point& point) {
+  if (point.oracle == "off") return {};
+  return [](CoupledRun& run) { run.know_peers_at_once(); };
+}
 
 std::optional<Outcome> run_out(const Scene& scene, const Prepare& prepare) {
   const auto run = std::make_unique<CoupledRun>(scene);
@@ -255,7 +282,7 @@ std::optional<Measured> measure(const Point& point, References& references, Mutu
   const CausalErrors* const causal = references.causal_of(point);
   if (causal == nullptr) return std::nullopt;
   const Scene scene = scene_of(point);
-  const std::optional<Outcome> run = run_out(scene);
+  const std::optional<Outcome> run = run_out(scene, prepare_of(point));
   if (!run) return std::nullopt;
 
   const Json settings = settings_of(point, scene, *run);

@@ -39,6 +39,9 @@ using Prepare = std::function<void(CoupledRun&)>;
 /// `prepare` is called before the first cycle. Empty if a signal requested a stop.
 [[nodiscard]] std::optional<Outcome> run_out(const Scene& scene, const Prepare& prepare = {});
 
+/// What a point changes in a run beside its scene.
+[[nodiscard]] Prepare prepare_of(const Point& point);
+
 struct Reference {
   Outcome run;
   double error = 0.0;              ///< RMS force error of the reference against itself at h / 4, of all users

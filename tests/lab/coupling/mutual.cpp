@@ -29,11 +29,12 @@ std::vector<double> instants_of(const std::vector<FeltHistory>& felt, std::size_
 }
 
 /// The run with the nudge, until it has been answered.
-std::optional<Outcome> nudged(Scene scene, std::size_t user, double at_s, const Vec3& displacement, double for_s) {
+std::optional<Outcome> nudged(Scene scene, std::size_t user, double at_s, const Vec3& displacement, double for_s,
+                              const Prepare& prepare = {}) {
   scene.users[user].device.path.push_back(
       {.kind = PathSegment::Kind::move, .from_s = at_s, .to_s = at_s + kNudge_s, .displacement = displacement});
   scene.settings.duration_s = std::min(scene.settings.duration_s, at_s + for_s);
-  return run_out(scene);
+  return run_out(scene, prepare);
 }
 
 /// (1), from at_s on, N.
@@ -97,7 +98,8 @@ bool MutualLatencies::measure(const Point& point, const Outcome& run, const Refe
   const Scene scene = scene_of(point);
   for (const Nudge& nudge : *nudges) {
     if (nudge.answers.empty()) continue;
-    const std::optional<Outcome> with = nudged(scene, nudge.user, nudge.at_s, nudge.displacement, kLongest_s);
+    const std::optional<Outcome> with =
+        nudged(scene, nudge.user, nudge.at_s, nudge.displacement, kLongest_s, prepare_of(point));
     if (!with) return false;
     for (const Answer& answer : nudge.answers) {
       const std::vector<double> mine =

@@ -25,7 +25,9 @@ force, and the force at most 5 ms early or late. The best settings are low and t
 <b>CPU time</b>. It is the CPU time of world, sub-worlds and synchronisation in seconds per simulated second, without the
 network. Errors under 0.01 % are drawn at 0.01 %.</p>
 <p class=facts>In the tables, <b>p99</b> and <b>max</b> of the difference are relative to the reference's largest force.
-<b>Offset</b> is the lag with the least error, and <b>RMS without offset</b> the error at that lag. <b>Jitter</b> is the
+<b>Offset</b> is the lag with the least error, and <b>RMS without offset</b> the error at that lag. <b>ETVO</b> is the
+delay and the difference of force that are left when each instant is compared with the one that it renders, of the user
+with the largest. <b>Jitter</b> is the
 force without its 41-step mean, relative to that of the reference; <b>smoothed</b> is the error of those means. <b>Drift</b>
 is the largest distance of a body from its place in the reference, at the end. <b>Energy excess</b> is the world's gain of
 energy beyond the work of the devices. <b>Ghosts</b> are the outside bodies that the scheme <i>reduced</i> models. <b>On the operator</b> is the error of the
@@ -49,6 +51,8 @@ constexpr Column kColumns[] = {{"error RMS %", "force_error_rms", 1e2, 3},
                                {"max %", "force_error_max", 1e2, 3},
                                {"offset ms", "time_offset_s", 1e3, 3},
                                {"RMS without offset %", "value_offset", 1e2, 3},
+                               {"ETVO time p50 ms", "etvo_time_s", 1e3, 3, "p50"},
+                               {"ETVO value p50 N", "etvo_value_n", 1, 3, "p50"},
                                {"jitter ratio", "jitter_ratio", 1, 3},
                                {"smoothed RMS %", "smoothed_force_error_rms", 1e2, 3},
                                {"proxy error RMS mm", "position_error_rms_m", 1e3, 3},
@@ -112,6 +116,10 @@ std::string table_of(const Rows& rows) {
 constexpr Column kUserColumns[] = {{"error RMS %", "force_error_rms", 1e2, 3},
                                    {"p99 %", "force_error_p99", 1e2, 3},
                                    {"offset ms", "time_offset_s", 1e3, 3},
+                                   {"ETVO time p50 ms", "etvo_time_s", 1e3, 3, "p50"},
+                                   {"ETVO time p99 ms", "etvo_time_s", 1e3, 3, "p99"},
+                                   {"ETVO value p50 N", "etvo_value_n", 1, 3, "p50"},
+                                   {"ETVO value p99 N", "etvo_value_n", 1, 3, "p99"},
                                    {"reference error %", "reference_error", 1e2, 3},
                                    {"causal error %", "causal_error", 1e2, 3},
                                    {"on the operator: RMS %", "operator_force_error_rms", 1e2, 3},

@@ -13,11 +13,10 @@ namespace subworld {
 namespace {
 
 /// A value that is not a number is `null` in a file.
-void restore_numbers(Rows& rows) {
-  for (Json& row : rows) {
-    for (Json& value : row) {
-      if (value.is_null()) value = std::numeric_limits<double>::quiet_NaN();
-    }
+void restore_numbers(Json& row) {
+  for (Json& value : row) {
+    if (value.is_null()) value = std::numeric_limits<double>::quiet_NaN();
+    if (value.is_object()) restore_numbers(value);
   }
 }
 
@@ -83,8 +82,9 @@ Findings saved_sweep(const std::string& folder) {
                  .users = read_rows(folder + "/users.json"),
                  .traces = {},
                  .summary = read_json(folder + "/summary.json")};
-  restore_numbers(found.rows);
-  restore_numbers(found.users);
+  for (Rows* table : {&found.rows, &found.users}) {
+    for (Json& row : *table) restore_numbers(row);
+  }
   for (const Json& trace : found.summary.at("traces")) {
     Trace saved = saved_trace(folder, trace);
     if (!saved.force.empty()) found.traces.push_back(std::move(saved));

@@ -98,6 +98,7 @@ std::vector<Point> points_of(const Sweep& sweep) {
   add_settings(true);
   axes.push_back(axis(sweep.schemes, &Point::scheme));
   axes.push_back(axis(sweep.substeps, &Point::substeps));
+  axes.push_back(axis(sweep.oracle, &Point::oracle));
   add_settings(false);
   axes.push_back(axis(sweep.ratios_most, &Point::ratio_most));
   axes.push_back(axis(sweep.ratios, &Point::ratio));
@@ -167,8 +168,9 @@ bool shown(const Point& p, const Sweep& s) {
     return one.key == "delay.latency_s" || axis == s.settings.end() || one.value == axis->values.front();
   };
   return p.ratio == shown_ratio(s.ratios) && p.ratio_most == s.ratios_most.front() && p.variant == s.variants.front() &&
-         p.substeps == s.substeps.front() && p.stiffness_factor == s.stiffness_factors.front() &&
-         p.h_s == s.h_s.front() && std::ranges::all_of(p.settings, first);
+         p.substeps == s.substeps.front() && p.oracle == s.oracle.front() &&
+         p.stiffness_factor == s.stiffness_factors.front() && p.h_s == s.h_s.front() &&
+         std::ranges::all_of(p.settings, first);
 }
 
 namespace {

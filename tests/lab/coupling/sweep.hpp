@@ -30,8 +30,9 @@ struct Sweep {
   std::vector<int> variants{0};     ///< of each scene (lab/variants); 0: itself
   std::vector<std::string> schemes{"paper_literal", "paper", "reduced"};
   std::vector<int> ratios{1, 4, 10, 20};
-  std::vector<int> ratios_most{0};  ///< largest adaptive ratio; 0: the ratio is fixed
-  std::vector<int> substeps{1};     ///< of the world, per cycle; 0: as the scheme requires
+  std::vector<int> ratios_most{0};         ///< largest adaptive ratio; 0: the ratio is fixed
+  std::vector<int> substeps{1};            ///< of the world, per cycle; 0: as the scheme requires
+  std::vector<std::string> oracle{"off"};  ///< "on": the sub-worlds know the other users' devices without delay
   std::vector<double> stiffness_factors{1.0};
   std::vector<double> h_s{0.0};
   std::vector<SettingAxis> settings;
@@ -47,6 +48,7 @@ struct Point {
   int ratio = 1;
   int ratio_most = 0;
   int substeps = 1;
+  std::string oracle = "off";
   double stiffness_factor = 1.0;
   double h_s = 0.0;
   std::vector<SettingChange> settings;

@@ -20,6 +20,7 @@ const std::vector<std::string> kFlatColumns{"scene",
                                             "ratio",
                                             "box_m",
                                             "world_substeps",
+                                            "oracle",
                                             "latency_s",
                                             "jitter_s",
                                             "device_latency_s",
@@ -77,6 +78,7 @@ TEST_F(Lab, ASweepLeavesTablesTracesAndOnePage) {
     for (const char* part : {"world_step_s", "haptic_step_s", "synchronise_step_s"}) {
       for (const char* q : {"p50", "p99", "p99_9", "max", "mean"}) EXPECT_TRUE(row.at(part).contains(q)) << part << q;
     }
+    for (const char* q : {"p50", "p99"}) EXPECT_TRUE(row.at("etvo_time_s").contains(q)) << q;
     EXPECT_EQ(row["survived"], true);
     EXPECT_GT(row["reference_error"], 0.0);
     EXPECT_EQ(row["at_reference_error"],

@@ -1,7 +1,7 @@
 // The bound of causality.
 
-#include "lab/coupling/analysis.hpp"
 #include "lab/coupling/causal.hpp"
+#include "lab/coupling/analysis.hpp"
 #include "lab/coupling/sweep.hpp"
 
 #include <gtest/gtest.h>
@@ -50,6 +50,23 @@ TEST(CausalError, IsNoneBesideAPeerAtRest) {
   const auto causal = causal_errors_of(scene, scene_of(point).settings.delay, *run_out(scene));
   EXPECT_EQ(causal->by_user[0], 0.0);
   EXPECT_GT(causal->by_user[1], 0.001);
+}
+
+// With the oracle, the error of a delay is that of its predictions.
+TEST(Oracle, LeavesTheErrorWithoutDelay) {
+  References references;
+  const auto error = [&](double latency_s, const char* oracle) {
+    Point point = late("carry", latency_s, 1.35);
+    point.scheme = "reduced";
+    point.oracle = oracle;
+    const Scene scene = scene_of(point);
+    const auto run = run_out(scene, prepare_of(point));
+    return force_error(run->felt, references.run_of(point)->felt, scene.settings.h_s).rms;
+  };
+  const double now = error(0.0, "off");
+  EXPECT_EQ(error(0.0, "on"), now);
+  EXPECT_NEAR(error(0.05, "on"), now, 0.002);
+  EXPECT_GT(error(0.05, "off"), now + 0.02);
 }
 
 TEST(CausalError, BoundsErrorsTogetherWithTheReferenceError) {
