@@ -1,5 +1,6 @@
 #include "device_sim/emulated_device.hpp"
 
+#include "model/hash.hpp"
 #include "model/vectors.hpp"
 
 #include <unsupported/Eigen/MatrixFunctions>
@@ -25,7 +26,26 @@ EmulatedDevice::EmulatedDevice(const DeviceSpec& spec, std::uint32_t device)
   const PathPoint start = evaluate(spec_.path, 0.0, spec_.profile);
   handle_.position = start.offset.position;
   handle_.orientation = start.offset.orientation;
+  if (operator_.tremor.amplitude_m > 0.0) begin_tremor(device);
   read_sensors();
+}
+
+void EmulatedDevice::begin_tremor(std::uint32_t device) noexcept {
+  const auto draw = [&](std::uint64_t number) {
+    return static_cast<double>(random_bits(3 * static_cast<std::uint64_t>(device) + number) >> 11U) * 0x1.0p-53;
+  };
+  const double w = 2.0 * M_PI * operator_.tremor.frequency_hz, m = operator_.mass_kg + spec_.mass_kg;
+  const double impedance_n_m =
+      std::hypot(operator_.stiffness_n_m - m * w * w, w * (operator_.damping_n_s_m + spec_.damping_n_s_m));
+  const double up = 2.0 * draw(0) - 1.0, aside = std::sqrt(1.0 - up * up), around = 2.0 * M_PI * draw(1);
+  tremor_n_ =
+      operator_.tremor.amplitude_m * impedance_n_m * Vec3(aside * std::cos(around), aside * std::sin(around), up);
+  tremor_phase_rad_ = 2.0 * M_PI * draw(2);
+}
+
+Vec3 EmulatedDevice::tremor(double time_s) const noexcept {
+  if (operator_.tremor.amplitude_m == 0.0) return Vec3::Zero();
+  return std::sin(2.0 * M_PI * operator_.tremor.frequency_hz * time_s + tremor_phase_rad_) * tremor_n_;
 }
 
 PathPoint EmulatedDevice::path(double time_s) const noexcept {
@@ -118,7 +138,7 @@ void EmulatedDevice::step_operator(double dt) noexcept {
   const double mass = operator_.mass_kg + spec_.mass_kg;
   const PathPoint wish = path(time_s_);
   const Vec3 way = handle_.position - wish.offset.position;
-  const Vec3 push = held_.wrench.force / mass;
+  const Vec3 push = (held_.wrench.force + tremor(time_s_ + 0.5 * dt)) / mass;
   const auto after = [&](int row) -> Vec3 {
     return m(row, 0) * way + m(row, 1) * handle_.linear_velocity + m(row, 3) * wish.linear_velocity + m(row, 4) * push;
   };
@@ -161,9 +181,10 @@ void EmulatedDevice::follow_command(double dt) noexcept {
 
 void EmulatedDevice::press() noexcept {
   const PathPoint wish = path(time_s_);
-  state_.applied.force = shortened(operator_.stiffness_n_m * (wish.offset.position - handle_.position) +
-                                       operator_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity),
-                                   spec_.force_limit_n);
+  state_.applied.force =
+      shortened(operator_.stiffness_n_m * (wish.offset.position - handle_.position) +
+                    operator_.damping_n_s_m * (wish.linear_velocity - handle_.linear_velocity) + tremor(time_s_),
+                spec_.force_limit_n);
   if (spec_.degrees_of_freedom != 6) return;
   state_.applied.torque = shortened(
       operator_.rotational_stiffness_n_m * rotation_vector(wish.offset.orientation * handle_.orientation.conjugate()) +

@@ -13,6 +13,9 @@ namespace subworld {
 ///       m a = K (x_path - x) + B (v_path - v) - b v - friction + force of the command                        (1)
 ///   * Admittance device with operator: the device is servoed to the commanded pose and reports the operator's force,
 ///       K (x_path - x) + B (v_path - v), within the force limit.
+/// An operator with a tremor of amplitude A and frequency w also exerts the force that moves the free arm so:
+///   A |K - m w^2 + i w (B + b)| sin(w t + phase)                                                             (2)
+/// in a direction and with a phase that are drawn from the device's number.
 /// Positions are relative to the device's start.
 ///
 /// The device works at its own rate. At each tick it reads its sensors, takes the newest command and holds it until the
@@ -35,6 +38,9 @@ class EmulatedDevice final : public Device {
   /// acceleration.
   using Motion = Eigen::Matrix<double, 5, 5>;
 
+  void begin_tremor(std::uint32_t device) noexcept;
+  /// (2), N.
+  [[nodiscard]] Vec3 tremor(double time_s) const noexcept;
   /// Where the operator wants the device.
   [[nodiscard]] PathPoint path(double time_s) const noexcept;
   void take(const DeviceCommand& command) noexcept;
@@ -49,6 +55,8 @@ class EmulatedDevice final : public Device {
 
   DeviceSpec spec_;
   OperatorSpec operator_;
+  Vec3 tremor_n_ = Vec3::Zero();  ///< largest force of (2)
+  double tremor_phase_rad_ = 0.0;
   double time_s_ = 0.0;
   std::optional<Pose> resumed_;  ///< of the path's start, for one that has been resumed
   std::uint64_t ticks_ = 0;

@@ -47,6 +47,12 @@ struct PathPoint {
 
 enum class DeviceKind : std::uint8_t { impedance, admittance };
 
+/// Physiological tremor of an operator: a sine.
+struct TremorSpec {
+  double frequency_hz = 10.0;
+  double amplitude_m = 0.0;  ///< of the free arm; 0: none
+};
+
 /// Emulated operator: follows the intended motion (the path) through the impedance of an arm, and feels the force.
 struct OperatorSpec {
   double mass_kg = 1.0;
@@ -55,6 +61,7 @@ struct OperatorSpec {
   double inertia_kg_m2 = 0.005;  ///< used with 6 degrees of freedom
   double rotational_damping_n_m_s = 0.1;
   double rotational_stiffness_n_m = 3.0;  ///< per rad
+  TremorSpec tremor;
 };
 
 /// A haptic device.

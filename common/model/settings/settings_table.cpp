@@ -261,7 +261,11 @@ const std::vector<Setting> kSettings{
     {"users.device.operator.rotational_damping_n_m_s_rad", ARM(rotational_damping_n_m_s), kLarge, "rotational damper",
      kDevice},
     {"users.device.operator.rotational_stiffness_n_m_rad", ARM(rotational_stiffness_n_m), kLarge, "rotational spring",
-     kDevice}};
+     kDevice},
+    {"users.device.operator.tremor.frequency_hz", ARM(tremor.frequency_hz), Limits{8, 12},
+     "frequency of the operator's tremor", kDevice},
+    {"users.device.operator.tremor.amplitude_m", ARM(tremor.amplitude_m), Limits{0, 0.01},
+     "its amplitude, of the free arm; about 0.0001 is usual", kDevice}};
 
 }  // namespace
 

@@ -126,6 +126,28 @@ TEST(EmulatedDevice, FrictionStopsAndHolds) {
   EXPECT_EQ(device.state().linear_velocity.x(), 0.0);
 }
 
+TEST(EmulatedDevice, TremblesByTheAmplitudeOfItsOperator) {
+  DeviceSpec spec;
+  spec.friction_n = 0.0;
+  spec.operator_model = OperatorSpec{.tremor = {.frequency_hz = 10.0, .amplitude_m = 1e-4}};
+  const auto course = [&](std::uint32_t number) {
+    EmulatedDevice device(spec, number);
+    std::vector<Vec3> positions;
+    for (int i = 0; i < 3000; ++i) {
+      device.step({}, 1e-3);
+      if (i >= 2000) positions.push_back(device.state().pose.position);
+    }
+    return positions;
+  };
+  const std::vector<Vec3> mine = course(1);
+  double most_m = 0.0;
+  for (const Vec3& at : mine) most_m = std::max(most_m, at.norm());
+  EXPECT_NEAR(most_m, 1e-4, 1e-6);
+  EXPECT_LT((mine[50] + mine[0]).norm(), 1e-6) << "half a period";
+  EXPECT_EQ(course(1), mine);
+  EXPECT_GT((course(2).front() - mine.front()).norm(), 1e-6);
+}
+
 TEST(MotionGuard, PassesWhatIsWithinTheLimitsBitByBit) {
   MotionGuard guard(0.4, 4.0);
   DeviceMotion motion;
