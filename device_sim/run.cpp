@@ -41,35 +41,6 @@ DevicePorts::DevicePorts(const Options& options, const Scene& scene_file)
       bus->shared_device_writer(shared_device_partition(options.user), shared_period_s(settings, rate_hz)));
 }
 
-DeviceMeasures::DeviceMeasures(const Options& options, const History::Say& say)
-    : LoopMeasures(options, fmt::format("device_{}", options.user),
-                   "time_s,x_m,y_m,z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,force_x_n,force_y_n,force_z_n,"
-                   "qw,qx,qy,qz,angular_velocity_x_rad_s,angular_velocity_y_rad_s,angular_velocity_z_rad_s,"
-                   "torque_x_n_m,torque_y_n_m,torque_z_n_m",
-                   {fmt::format("device_sim {}", options.user), 200 + options.user}, kDeviceStages, say),
-      user_(options.user) {}
-
-void DeviceMeasures::step(const DeviceState& state, const Wrench& wrench, const StepTimes& times) noexcept {
-  add(times);
-  history_.row_of(state.stamp_s, state.pose.position, state.linear_velocity, wrench.force, state.pose.orientation,
-                  state.angular_velocity, wrench.torque);
-}
-
-DeviceResult DeviceMeasures::result(const DeviceGuard& guard) {
-  DeviceResult result{.user = static_cast<std::size_t>(user_),
-                      .steps = steps_,
-                      .round_trip_s = quantiles(round_trip_),
-                      .sent_ratio = sent_ratio_,
-                      .missed_deadlines = misses_.all(),
-                      .missed_by_os = misses_.by_os,
-                      .missed_by_run = misses_.by_run,
-                      .operator_energy = {guard.port().net_j(), guard.port().least_j(), guard.port().created_j()},
-                      .energy_bounded_ratio = guard.bounded_ratio(),
-                      .oscillation_n = guard.oscillation().worst_n()};
-  add_to(result);
-  return result;
-}
-
 bool DeviceRun::send_state(TimePoint now, DeviceState state, bool to_all) const noexcept {
   state.session = session;
   state.sender = ports.identity;
@@ -193,7 +164,9 @@ class RealtimeLoop : DeviceRun {
         period_s_(1.0 / rate_hz_),
         stale_s_(std::max(kLate_s, 2.0 * std::max(period_s_, scene.settings.h_s)) +
                  scene.settings.sample_period_s(rate_hz_) - period_s_),
-        shared_every_(scene.settings.deadband_in_use() > 0.0 ? 1 : std::max(1, static_cast<int>(std::lround(kShared_s * rate_hz_)))),
+        shared_every_(scene.settings.deadband_in_use() > 0.0
+                          ? 1
+                          : std::max(1, static_cast<int>(std::lround(kShared_s * rate_hz_)))),
         deadband_(scene.settings.deadband_in_use(), scene.users[static_cast<std::size_t>(options.user)]),
         loop_(Clock::now(), period_s_, from_seconds(options.spin_s), stages_),
         absent_s_(std::max(kAbsent_s, 2.0 * stale_s_)),

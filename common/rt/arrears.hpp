@@ -14,8 +14,8 @@ class Arrears {
   [[nodiscard]] double owed_s() const noexcept { return owed_s_ + waiting_s_; }
 
   /// Length of a step of nominally `step_s`, where `left_s` remain of the cycle: half to five halves of it, and such
-  /// that the cycle ends with a step. Of a clock that is slowed below `whole_s` a step: that much in some steps, nothing
-  /// in the others.
+  /// that the cycle ends with a step. Of a clock that is slowed below `whole_s` a step: that much in some steps,
+  /// nothing in the others.
   double step(double step_s, double left_s, double whole_s = 0.0) noexcept {
     if (step_s <= 0.0) return 0.0;
     const double paid_s = std::clamp(owed_s_ / kPayback, -0.5 * step_s, step_s);

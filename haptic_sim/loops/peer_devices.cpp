@@ -31,8 +31,8 @@ Reader<DeviceState>& PeerDevices::open(std::size_t user) {
   std::optional<Reader<DeviceState>>& reader = readers_[user];
   const auto number = static_cast<int>(user);
   if (!reader) {
-    reader.emplace(bus_.device_reader(shared_ ? shared_device_partition(number) : device_partition(number),
-                                      periods_s_[user]));
+    reader.emplace(
+        bus_.device_reader(shared_ ? shared_device_partition(number) : device_partition(number), periods_s_[user]));
   }
   open_.fetch_or(bit(user), std::memory_order_release);
   return *reader;
