@@ -101,15 +101,20 @@ Readings bodies_energy(const RunResults& run) {
   const bool absent =
       std::ranges::any_of(run.device, [](const DeviceResult& one) { return one.driver && one.driver->absences > 0; });
   const bool of_scheme = scheme_of(run.scene.settings).properties.creates_energy_late;
-  const Cause cause =
-      absent ? Cause{Culprit::run,
-                     "a device was absent, and what its operator did meanwhile is in no account; find out "
-                     "why its readings stopped"}
-             : Cause{Culprit::unstable, fmt::format("the operators did not put it in{}",
-                                                    of_scheme ? ": with late messages this --scheme creates it; "
-                                                                "another one, or less delay"
-                                                              : "; a smaller --ratio, --set world.preset=quality, or "
-                                                                "another --engine")};
+  const bool of_network = run.realtime() && run.between_hosts && std::ranges::any_of(run.haptic, [](const auto& one) {
+                            return one.late_reports_ratio > kLateReportsRatio || one.lost_frames > 0;
+                          });
+  const std::string cure =
+      of_scheme    ? ": with late messages this --scheme creates it; another one, or less delay"
+      : of_network ? fmt::format(
+                         "; messages were late or lost on the network{}, which can create it; compare with a "
+                         "run without that network",
+                         run.link ? " (link: " + *run.link + ")" : "")
+                   : "; a smaller --ratio, --set world.preset=quality, or another --engine";
+  const Cause cause = absent ? Cause{Culprit::run,
+                                     "a device was absent, and what its operator did meanwhile is in no account; find "
+                                     "out why its readings stopped"}
+                             : Cause{Culprit::unstable, "the operators did not put it in" + cure};
   return {reading("energy that the bodies gained", kJoule, run.energy_excess_j, most_gained_j(run), cause)};
 }
 

@@ -264,6 +264,17 @@ TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   EXPECT_FALSE(verdict(run).starts_with("unstable")) << verdict(run);
 }
 
+TEST(Gates, EnergyBesideLateMessagesNamesTheLink) {
+  RunResults run = late_run(1, false, 0.0);
+  run.energy_excess_j = 0.08;
+  run.between_hosts = true;
+  run.link = "delay 30ms";
+  EXPECT_EQ(verdict(run).find("link"), std::string::npos) << "messages came in time: " << verdict(run);
+  run.haptic[0].late_reports_ratio = 0.2;
+  EXPECT_NE(verdict(run).find("(link: delay 30ms)"), std::string::npos) << verdict(run);
+  EXPECT_EQ(verdict(run).find("another --engine"), std::string::npos) << verdict(run);
+}
+
 TEST(Gates, AForceThatOscillatesIsUnstable) {
   RunResults run = quiet_run();
   run.device[0].oscillation_n = 2.5;
