@@ -10,7 +10,7 @@ class SharedStates : public ProcessTest, public ::testing::WithParamInterface<st
 
 TEST_P(SharedStates, AreFewerAndTellOthersWhereADeviceIs) {
   Process run(run_words(scene("lift"), {"--mode", "realtime", "--duration", "2", "--dds", GetParam()}), folder_.path());
-  Network network{.domain = domain_.number(), .dds = GetParam()};
+  const Network network{.dds = GetParam(), .domain = domain_.number()};
   Settings settings;
   settings.mode = Mode::realtime;
   const auto bus = open_bus(network, settings, 0.001, "test");
