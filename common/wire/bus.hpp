@@ -193,8 +193,8 @@ class Bus {
 /// Each user's frames and reports, and each device's states and commands, have their own partition.
 inline std::string user_partition(int user) { return "user_" + std::to_string(user); }
 inline std::string device_partition(int device) { return "device_" + std::to_string(device); }
-/// In real time the other users' programs get the states of a device here, at most every kShared_s: a hand's motion is
-/// predicted over that time, and each message to each user costs both sides tens of microseconds.
+/// In real time the other users' programs get the states of a device here, at most every kShared_s: a device's motion
+/// is predicted over that time, and each message to each user costs both sides tens of microseconds.
 inline std::string shared_device_partition(int device) { return "shared_device_" + std::to_string(device); }
 inline constexpr double kShared_s = 0.004;
 /// Longest regular time between two such states of a device of this rate, s.
