@@ -92,9 +92,10 @@ void StatusBeacon::hear_end(const Status& status, std::size_t slot) {
   {
     const std::lock_guard lock(words_mutex_);
     Heard& heard = heard_of_[slot];
-    if (status.state == kRunning) heard = {.ran = true, .last_words = {}};
+    if (status.state == kRunning) heard = {.ran = true, .replaced = heard.replaced, .last_words = {}};
     // A program that has run does not begin anew: this is another one, whose end is not that of the first.
     heard.another = heard.another || (heard.ran && !failed && status.state != kRunning && status.state != kStopping);
+    heard.replaced = heard.replaced || heard.another;
     if (!failed && !heard.another) heard.last_words.clear();  // started anew before the run
     if (!heard.another) heard.stopped = status.state == kStopping;
     if (!failed) return;
@@ -141,7 +142,7 @@ void StatusBeacon::begins(ProgramKind program, std::uint32_t instance) {
 bool StatusBeacon::is_replaced(ProgramKind program, std::uint32_t instance) const {
   const std::lock_guard lock(words_mutex_);
   const auto heard = heard_of_.find(static_cast<std::size_t>(program) * kInstances + instance);
-  return heard != heard_of_.end() && heard->second.another;
+  return heard != heard_of_.end() && heard->second.replaced;
 }
 
 bool StatusBeacon::runs(ProgramKind program, std::uint32_t instance) const {

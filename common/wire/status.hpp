@@ -78,7 +78,7 @@ class StatusBeacon {
   /// From now on the process of that program takes part that has just shown it by a message. What its predecessor said
   /// no longer counts: its end, or that it was replaced.
   void begins(ProgramKind program, std::uint32_t instance);
-  /// Whether another process of that program and instance has begun since, which does not take part yet.
+  /// Whether another process of that program and instance has begun since. It runs perhaps, but not with this one.
   [[nodiscard]] bool is_replaced(ProgramKind program, std::uint32_t instance) const;
   /// Whether a process of that program and instance takes part in a run.
   [[nodiscard]] bool runs(ProgramKind program, std::uint32_t instance) const;
@@ -123,7 +123,8 @@ class StatusBeacon {
   mutable std::mutex words_mutex_;
   struct Heard {
     bool ran = false;
-    bool another = false;    ///< one that was started later takes its place
+    bool another = false;    ///< one that was started later takes its place, and does not run yet
+    bool replaced = false;   ///< by one that begins() has not been told of, whether it runs or not
     bool stopped = false;    ///< it ended in order
     std::string last_words;  ///< empty: none
   };

@@ -117,6 +117,7 @@ class LockstepLoop : HapticRun {
       return came.session == ports.session && (device_writer_ == 0 || came.sender == device_writer_);
     };
     if (!await(*ports.bus, ports.status, ports.device, device_, stages_, device_sim_, ours, stopped)) return false;
+    if (device_writer_ == 0) ports.status.begins(ProgramKind::device_sim, user());
     device_writer_ = device_.sender;
     ports.device.trust_sender();
     return true;

@@ -135,6 +135,29 @@ TEST_P(WireStatus, an_order_reaches_a_reader_that_comes_later) {
   EXPECT_EQ(heard.number, 7U);
 }
 
+// It may run before the programs that worked with its predecessor have noticed: for them it is another one still.
+TEST_P(WireStatus, a_program_that_was_started_again_is_another_one_until_it_takes_part) {
+  const TestDomain held;
+  const auto sender = open_bus(config_of(GetParam().first, held.number(), Mode::lockstep));
+  const auto receiver = open_bus(config_of(GetParam().second, held.number(), Mode::lockstep));
+  StatusBeacon observer(*receiver, ProgramKind::device_sim, 0, "device");
+  const auto is_replaced = [&] { return observer.is_replaced(ProgramKind::haptic_sim, 0); };
+  {
+    StatusBeacon first(*sender, ProgramKind::haptic_sim, 0, "first");
+    first.enter("running");
+    ASSERT_TRUE(test::eventually([&] { return observer.runs(ProgramKind::haptic_sim, 0); }));
+    EXPECT_FALSE(is_replaced());
+  }
+  StatusBeacon second(*sender, ProgramKind::haptic_sim, 0, "second");
+  second.enter("waiting");
+  ASSERT_TRUE(test::eventually(is_replaced));
+  second.enter("running");
+  constexpr double kSeveralStatuses_s = 2.5;
+  EXPECT_FALSE(test::eventually([&] { return !is_replaced(); }, kSeveralStatuses_s));
+  observer.begins(ProgramKind::haptic_sim, 0);
+  EXPECT_FALSE(is_replaced());
+}
+
 void expect_both_versions(const std::string& text, std::uint32_t other) {
   for (const std::uint32_t version : {other, kWireVersion})
     EXPECT_NE(text.find(std::to_string(version)), std::string::npos) << version << " is not in: " << text;
