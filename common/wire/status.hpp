@@ -124,7 +124,7 @@ class StatusBeacon {
   struct Heard {
     bool ran = false;
     bool another = false;    ///< one that was started later takes its place, and does not run yet
-    bool replaced = false;   ///< by one that begins() has not been told of, whether it runs or not
+    bool replaced = false;   ///< by a process that begins() does not know yet; it may run
     bool stopped = false;    ///< it ended in order
     std::string last_words;  ///< empty: none
   };
