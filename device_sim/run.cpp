@@ -37,8 +37,7 @@ DevicePorts::DevicePorts(const Options& options, const Scene& scene_file)
   const Settings& settings = scene_file.settings;
   if (settings.mode == Mode::lockstep || settings.users < 2) return;
   const double rate_hz = scene_file.users[static_cast<std::size_t>(options.user)].device.rate_hz;
-  shared_states.emplace(
-      bus->shared_device_writer(shared_device_partition(options.user), shared_period_s(settings, rate_hz)));
+  shared_states.emplace(bus->shared_device_writer(device_partition(options.user), shared_period_s(settings, rate_hz)));
 }
 
 bool DeviceRun::send_state(TimePoint now, DeviceState state, bool to_all) const noexcept {
@@ -131,7 +130,8 @@ Ending run_lockstep(const DeviceRun& run) {
       return ending;
     }
     ports.commands.trust_sender();
-    if (first) ports.status.begins(run.haptic_sim().program, run.haptic_sim().instance);
+    if (first)
+      ports.status.begins(run.haptic_sim().program, run.haptic_sim().instance, ports.commands.sender_participant());
     measures.sent(deadband.sent_ratio());
     if (command.last) return ending;
     if (command.stamp_s > state.stamp_s + h_s && state.sequence == 0) {

@@ -67,7 +67,7 @@ void StatusBeacon::listen() {
       }
       continue;
     }
-    hear_end(heard_, slot);
+    hear_end(heard_, slot, reader_.sender_participant());
     status_age_ticks_[slot].store(0, std::memory_order_relaxed);
     met_[slot].store(true, std::memory_order_relaxed);
   }
@@ -86,16 +86,16 @@ bool StatusBeacon::is_program(ProgramKind program, std::uint64_t participant) co
          programs_of_.contains({participant, kPrograms});
 }
 
-void StatusBeacon::hear_end(const Status& status, std::size_t slot) {
+void StatusBeacon::hear_end(const Status& status, std::size_t slot, std::uint64_t participant) {
   const bool failed = status.state == kFailedState;
   std::string who = label_of(status.program, status.instance);
   {
     const std::lock_guard lock(words_mutex_);
     Heard& heard = heard_of_[slot];
-    if (status.state == kRunning) heard = {.ran = true, .replaced = heard.replaced, .last_words = {}};
+    if (status.state == kRunning) heard = {.ran = true, .process = heard.process, .last_words = {}};
     // A program that has run does not begin anew: this is another one, whose end is not that of the first.
     heard.another = heard.another || (heard.ran && !failed && status.state != kRunning && status.state != kStopping);
-    heard.replaced = heard.replaced || heard.another;
+    heard.newest = participant;
     if (!failed && !heard.another) heard.last_words.clear();  // started anew before the run
     if (!heard.another) heard.stopped = status.state == kStopping;
     if (!failed) return;
@@ -133,16 +133,20 @@ bool StatusBeacon::has_ended(ProgramKind program, std::uint32_t instance) const 
   return heard != heard_of_.end() && (heard->second.stopped || !heard->second.last_words.empty());
 }
 
-void StatusBeacon::begins(ProgramKind program, std::uint32_t instance) {
+void StatusBeacon::begins(ProgramKind program, std::uint32_t instance, std::uint64_t participant) {
   const std::lock_guard lock(words_mutex_);
   // It runs, although its next status may be a second away: where it dies before, its successor is another process.
-  heard_of_[static_cast<std::size_t>(program) * kInstances + instance] = {.ran = true, .last_words = {}};
+  heard_of_[static_cast<std::size_t>(program) * kInstances + instance] = {
+      .ran = true, .process = participant, .newest = participant, .last_words = {}};
 }
 
 bool StatusBeacon::is_replaced(ProgramKind program, std::uint32_t instance) const {
   const std::lock_guard lock(words_mutex_);
   const auto heard = heard_of_.find(static_cast<std::size_t>(program) * kInstances + instance);
-  return heard != heard_of_.end() && heard->second.replaced;
+  if (heard == heard_of_.end()) return false;
+  // It may run before those have noticed that its predecessor has died.
+  const auto& [ran, another, stopped, process, newest, last_words] = heard->second;
+  return process != 0 && newest != 0 ? newest != process : another;
 }
 
 bool StatusBeacon::runs(ProgramKind program, std::uint32_t instance) const {

@@ -76,8 +76,9 @@ class StatusBeacon {
   /// Whether that program has ended by its own word: in order, or with last words.
   [[nodiscard]] bool has_ended(ProgramKind program, std::uint32_t instance) const;
   /// From now on the process of that program takes part that has just shown it by a message. What its predecessor said
-  /// no longer counts: its end, or that it was replaced.
-  void begins(ProgramKind program, std::uint32_t instance);
+  /// no longer counts: its end, or that it was replaced. `participant`: of the message (AnyReader::sender_participant);
+  /// 0: not known.
+  void begins(ProgramKind program, std::uint32_t instance, std::uint64_t participant);
   /// Whether another process of that program and instance has begun since. It runs perhaps, but not with this one.
   [[nodiscard]] bool is_replaced(ProgramKind program, std::uint32_t instance) const;
   /// Whether a process of that program and instance takes part in a run.
@@ -109,7 +110,7 @@ class StatusBeacon {
 
   void hear_participant(std::uint64_t participant, const Status& status);
   /// Takes note of how another program ended.
-  void hear_end(const Status& status, std::size_t slot);
+  void hear_end(const Status& status, std::size_t slot, std::uint64_t participant);
 
   Bus* bus_;
   Writer<Status> writer_;
@@ -123,10 +124,11 @@ class StatusBeacon {
   mutable std::mutex words_mutex_;
   struct Heard {
     bool ran = false;
-    bool another = false;    ///< one that was started later takes its place, and does not run yet
-    bool replaced = false;   ///< by a process that begins() does not know yet; it may run
-    bool stopped = false;    ///< it ended in order
-    std::string last_words;  ///< empty: none
+    bool another = false;       ///< one that was started later takes its place, and does not run yet
+    bool stopped = false;       ///< it ended in order
+    std::uint64_t process = 0;  ///< participant of begins(); 0: not known
+    std::uint64_t newest = 0;   ///< participant of the newest status
+    std::string last_words;     ///< empty: none
   };
   std::map<std::size_t, Heard> heard_of_;                        ///< by program and instance
   std::set<std::pair<std::uint64_t, std::size_t>> programs_of_;  ///< participant, kind of program

@@ -106,7 +106,7 @@ class LockstepLoop : HapticRun {
     if (!wait_for(*ports.bus, options, device, begun, comes)) return false;
     device_writer_ = device_.sender;
     ports.device.trust_sender();
-    ports.status.begins(ProgramKind::device_sim, user());
+    ports.status.begins(ProgramKind::device_sim, user(), ports.device.sender_participant());
     device_taken_ = true;
     return true;
   }
@@ -117,7 +117,6 @@ class LockstepLoop : HapticRun {
       return came.session == ports.session && (device_writer_ == 0 || came.sender == device_writer_);
     };
     if (!await(*ports.bus, ports.status, ports.device, device_, stages_, device_sim_, ours, stopped)) return false;
-    if (device_writer_ == 0) ports.status.begins(ProgramKind::device_sim, user());
     device_writer_ = device_.sender;
     ports.device.trust_sender();
     return true;
@@ -136,7 +135,7 @@ class LockstepLoop : HapticRun {
     const bool needed = (sub.facts().peers >> peer & 1U) != 0;
     // A peer who returns takes part with another process.
     if (needed && !needed_[peer] && ports.status.is_replaced(ProgramKind::device_sim, peer))
-      ports.status.begins(ProgramKind::device_sim, peer);
+      ports.status.begins(ProgramKind::device_sim, peer, 0);
     const bool goes_on = std::exchange(needed_[peer], needed) && needed;
     if (!needed && lost_[peer]) {
       lost_[peer] = false;

@@ -28,7 +28,6 @@ class LockstepStart : HapticRun {
     const Wanted frame{"frame of the world", "every user's haptic_sim and device_sim"};
     if (!wait_for(*ports.bus, options, frame, begins, settles)) return std::nullopt;
     ports.frames.trust_sender();
-    ports.status.begins(ProgramKind::world_sim, 0);
     ports.status.enter("running");
     return first_;
   }

@@ -148,7 +148,7 @@ class LockstepLoop : WorldLoop {
     User& user = users_[u];
     const std::uint64_t stamp = world.facts().stamp;
     ports.serve(u, report_.sender);
-    ports.status.begins(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u));
+    ports.status.begins(ProgramKind::haptic_sim, static_cast<std::uint32_t>(u), ports.reports[u].sender_participant());
     while (ports.reports[u].take(report_) == Take::sample) {
     }
     user.present = true;
