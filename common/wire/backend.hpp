@@ -48,8 +48,9 @@ class EventSink {
 struct EndpointSpec {
   TopicSpec topic;
   Qos qos;
-  std::string partition;        ///< empty: the default one
-  EventSink* events = nullptr;  ///< instead of that of the back end
+  std::string partition;           ///< empty: the default one
+  std::optional<Transit> transit;  ///< of a reader's samples
+  EventSink* events = nullptr;     ///< instead of that of the back end
 
   [[nodiscard]] EventSink& events_or(EventSink& usual) const noexcept { return events != nullptr ? *events : usual; }
 };
@@ -150,7 +151,7 @@ class HoldingReader : public BackendReader {
 
  protected:
   HoldingReader(const EndpointSpec& spec, EventSink& events)
-      : BackendReader(spec.topic.name, events), topic_(spec.topic), held_(spec.topic, spec.qos) {}
+      : BackendReader(spec.topic.name, events), topic_(spec.topic), held_(spec.topic, spec.qos, spec.transit) {}
 
   /// Takes all that has arrived: `take_one(bytes, writer)` is false if there is no more. Any thread may call it at any
   /// time: one drains, and does it again if others called meanwhile.

@@ -132,10 +132,15 @@ struct Bus::Impl {
   std::unique_ptr<wire::Backend> backend;  // declared after events: its threads report until it is destroyed
 
   [[nodiscard]] wire::EndpointSpec spec(std::size_t topic, const std::string& partition,
-                                        std::optional<double> device_period_s = {}) const {
+                                        std::optional<double> shared_period_s = {}) const {
     test_delay();
-    const double period_s = device_period_s.value_or(config.device_period_s);
-    return {kTopics[topic], qos_of(kTopics[topic], config.mode, period_s, config.cycle_s), partition};
+    const TopicSpec& of = shared_period_s ? kSharedDeviceState : kTopics[topic];
+    const double period_s = shared_period_s.value_or(config.device_period_s);
+    wire::EndpointSpec spec{of, qos_of(of, config.mode, period_s, config.cycle_s), partition};
+    if (config.mode == Mode::realtime && config.delay.any() && of.delayed)
+      spec.transit = {Journey(config.delay, user_of_partition(partition)), *of.delayed,
+                      of.reliability == Reliability::reliable};
+    return spec;
   }
 };
 
@@ -186,8 +191,8 @@ struct AnyReader::Impl {
 };
 
 AnyReader::AnyReader(const Bus& bus, std::size_t topic, const std::string& partition,
-                     std::optional<double> device_period_s)
-    : impl_(new Impl{bus.impl_->backend->create_reader(bus.impl_->spec(topic, partition, device_period_s)),
+                     std::optional<double> shared_period_s)
+    : impl_(new Impl{bus.impl_->backend->create_reader(bus.impl_->spec(topic, partition, shared_period_s)),
                      make_codec(topic), bus.impl_->events, static_cast<std::uint8_t>(topic)}) {
   impl_->cdr.reserve(wire::kMessageBytes);
 }
@@ -241,6 +246,7 @@ std::unique_ptr<wire::BackendReader> Observer::reader(const Bus& bus, std::size_
   wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
   spec.qos = {.depth = kNewestOfSeveral, .lease_s = spec.qos.lease_s};
   spec.events = &unheard;
+  spec.transit.reset();
   return bus.impl_->backend->create_reader(spec);
 }
 
@@ -308,6 +314,7 @@ std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, 
                    .qos_file = network.qos_file,
                    .device_period_s = device_period_s,
                    .cycle_s = settings.longest_cycle_s(),
+                   .delay = settings.delay,
                    .participants = searched_participants(settings.users, network.domain),
                    .participant_name = participant_name});
 }

@@ -30,6 +30,7 @@ struct BusConfig {
   std::string qos_file;            ///< vendor's settings; empty: its environment variable, else qos/ beside the program
   double device_period_s = 0.001;  ///< for deadlines
   double cycle_s = 0.004;          ///< the longest cycle, for deadlines
+  DelaySettings delay;             ///< of the samples of its readers, in real time
   int participants = 32;           ///< of the domain on a host, at most: each host is searched for so many
   std::string participant_name = "subworld";
 };
@@ -110,7 +111,7 @@ class AnyReader {
   [[nodiscard]] std::uint64_t received_bytes() const noexcept;  ///< payload
 
  protected:
-  AnyReader(const Bus& bus, std::size_t topic, const std::string& partition, std::optional<double> device_period_s);
+  AnyReader(const Bus& bus, std::size_t topic, const std::string& partition, std::optional<double> shared_period_s);
   bool decode_any(void* sample) noexcept;
 
  private:
@@ -133,8 +134,8 @@ class Reader : public AnyReader {
 
  private:
   friend class Bus;
-  Reader(const Bus& bus, const std::string& partition, std::optional<double> device_period_s = {})
-      : AnyReader(bus, kTopicIndex<M>, partition, device_period_s) {}
+  Reader(const Bus& bus, const std::string& partition, std::optional<double> shared_period_s = {})
+      : AnyReader(bus, kTopicIndex<M>, partition, shared_period_s) {}
 };
 
 /// Kinds of middleware events. `fault`: must not happen. `absence`: a peer or a sample is missing, which is normal
@@ -160,13 +161,12 @@ class Bus {
   [[nodiscard]] Reader<M> reader(const std::string& partition = {}) {
     return {*this, partition};
   }
-  /// For samples that another writer has sent as well, to fewer readers: they are not kept. `period_s` of the samples.
+  /// Of kSharedDeviceState. `period_s`: of the samples, which the writer of all states has recorded already.
   [[nodiscard]] Writer<DeviceState> shared_device_writer(const std::string& partition, double period_s) {
     return {*this, partition, period_s};
   }
-  /// Of a device whose period is another one than the bus's.
-  [[nodiscard]] Reader<DeviceState> device_reader(const std::string& partition, double device_period_s) {
-    return {*this, partition, device_period_s};
+  [[nodiscard]] Reader<DeviceState> shared_device_reader(const std::string& partition, double period_s) {
+    return {*this, partition, period_s};
   }
 
   /// Waits for new data in any reader, or for an event, since the last call returned. False after the timeout. One
@@ -193,11 +193,7 @@ class Bus {
 /// Each user's frames and reports, and each device's states and commands, have their own partition.
 inline std::string user_partition(int user) { return "user_" + std::to_string(user); }
 inline std::string device_partition(int device) { return "device_" + std::to_string(device); }
-/// In real time the other users' programs get the states of a device here, at most every kShared_s: a device's motion
-/// is predicted over that time, and each message to each user costs both sides tens of microseconds.
-inline std::string shared_device_partition(int device) { return "shared_device_" + std::to_string(device); }
-inline constexpr double kShared_s = 0.004;
-/// Longest regular time between two such states of a device of this rate, s.
+/// Longest regular time between two samples of kSharedDeviceState for a device of this rate, s.
 [[nodiscard]] double shared_period_s(const Settings& settings, double rate_hz) noexcept;
 
 /// Throws `Error` (middleware) with place, fault and cure.

@@ -2,6 +2,7 @@
 
 #include "model/messages/exchange.hpp"
 #include "model/scene/scene.hpp"
+#include "model/settings/journey.hpp"
 #include "wire/topics.hpp"
 
 #include <algorithm>
@@ -18,6 +19,13 @@ namespace subworld::wire {
 
 inline constexpr std::size_t kHeaderBytes = 4;  ///< of the encoded bytes, before the key
 
+/// Artificial delay, jitter and loss of the samples of a reader, in real time.
+struct Transit {
+  Journey journey;
+  Direction direction;
+  bool repeats;  ///< lost samples are sent again, and none overtakes another
+};
+
 /// Received samples that a loop has not taken yet, oldest first. The vendor's thread puts them here as they arrive. The
 /// vendors' own histories share their room among all writers of a key, so that a foreign writer would evict the samples
 /// of the right one. Here each writer has its own room: the newest `depth` samples of each key.
@@ -28,8 +36,10 @@ class HeldSamples {
  public:
   using Clock = std::chrono::steady_clock;
 
-  HeldSamples(const TopicSpec& topic, const Qos& qos)
-      : key_bytes_(4 * topic.key_words), depth_(qos.keep_all ? std::numeric_limits<std::ptrdiff_t>::max() : qos.depth) {
+  HeldSamples(const TopicSpec& topic, const Qos& qos, const std::optional<Transit>& transit)
+      : key_bytes_(4 * topic.key_words),
+        depth_(qos.keep_all ? std::numeric_limits<std::ptrdiff_t>::max() : qos.depth),
+        transit_(transit) {
     spare_.reserve(kSpareBuffers);
     foreign_.reserve(kMostForeign);
   }
@@ -42,9 +52,17 @@ class HeldSamples {
       refuse(writer);
       return false;
     }
-    const auto same = [&](const Held& one) { return one.writer == writer && has_same_key(one.bytes, bytes); };
-    if (std::ranges::count_if(held_, same) >= depth_) remove(std::ranges::find_if(held_, same));
-    held_.push_back({writer, std::exchange(bytes, spare())});
+    const std::uint64_t number = arrived_++;
+    const Clock::time_point due = transit_ ? arrival(number, now) : now;
+    if (due == kNever) return true;
+    const auto same = [&](const Held& one) {
+      return one.writer == writer && one.due <= now && has_same_key(one.bytes, bytes);
+    };
+    give_up(now);
+    const std::ptrdiff_t itself = due <= now ? 1 : 0;
+    while (std::ranges::count_if(held_, same) > depth_ - itself) remove(std::ranges::find_if(held_, same));
+    const auto place = repeats() ? held_.end() : std::ranges::upper_bound(held_, due, {}, &Held::due);
+    held_.insert(place, {writer, number, due, std::exchange(bytes, spare())});
     return true;
   }
 
@@ -56,9 +74,16 @@ class HeldSamples {
       refuse(held_.front().writer);
       remove(held_.begin());
     }
+    if (transit_) {
+      const Clock::time_point now = Clock::now();
+      give_up(now);
+      while (!held_.empty() && held_.front().number < next_) remove(held_.begin());  // overtaken
+      if (held_.empty() || held_.front().due > now) return false;
+    }
     if (held_.empty()) return false;
     std::swap(bytes, held_.front().bytes);
     writer = held_.front().writer;
+    next_ = held_.front().number + 1;
     remove(held_.begin());
     return true;
   }
@@ -100,11 +125,30 @@ class HeldSamples {
   static constexpr std::size_t kMostForeign = 4;
   static constexpr std::size_t kSpareBuffers = 64;
   static constexpr std::chrono::seconds kAbsence{2};
+  static constexpr Clock::time_point kNever = Clock::time_point::max();
 
   struct Held {
     std::uint64_t writer = 0;
+    std::uint64_t number = 0;  ///< in the order in which they came
+    Clock::time_point due;     ///< may be taken from then on
     std::vector<std::uint8_t> bytes;
   };
+
+  /// When the sample of this number, which has come without delay, arrives; kNever: it is lost.
+  Clock::time_point arrival(std::uint64_t number, Clock::time_point now) noexcept {
+    const auto& [journey, direction, repeats] = *transit_;
+    if (!repeats && journey.is_lost(direction, number)) return kNever;
+    double delay_s = journey.delay_s(direction, number);
+    if (repeats) delay_s += static_cast<double>(journey.losses(direction, number)) * journey.repeat_s();
+    return now + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(delay_s));
+  }
+  [[nodiscard]] bool repeats() const noexcept { return transit_ && transit_->repeats; }
+  /// The writer repeats a lost sample as long as it is in its history: until `depth` others have come after it.
+  void give_up(Clock::time_point now) noexcept {
+    const auto arrived = [&](const Held& one) { return one.due <= now; };
+    while (repeats() && !held_.empty() && !arrived(held_.front()) && std::ranges::count_if(held_, arrived) >= depth_)
+      remove(held_.begin());
+  }
 
   bool accepts(std::uint64_t writer, Clock::time_point now) noexcept {
     if (!trusted_ || writer == trusted_) return true;
@@ -139,7 +183,9 @@ class HeldSamples {
 
   const std::size_t key_bytes_;
   const std::ptrdiff_t depth_;
+  const std::optional<Transit> transit_;
   mutable std::mutex mutex_;
+  std::uint64_t arrived_ = 0, next_ = 0;  ///< numbers of samples
   std::vector<Held> held_;
   std::vector<std::vector<std::uint8_t>> spare_;
   std::optional<std::uint64_t> trusted_;

@@ -2,11 +2,13 @@
 
 #include "model/messages/exchange.hpp"
 #include "model/scene/scene.hpp"
+#include "model/settings/journey.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <tuple>
 #include <type_traits>
 
@@ -25,6 +27,7 @@ struct TopicSpec {
   Durability durability;
   int depth;  ///< keep last
   DeadlineKind deadline;
+  std::optional<Direction> delayed;  ///< by the artificial delay of this direction
 };
 
 /// Depth of topics whose newest sample counts. A reader with a depth of 1 stores the newest sample of all writers, also
@@ -36,8 +39,9 @@ template <class M>
 struct Topic {
   using Model = M;
   constexpr Topic(const char* name, const char* type, std::uint32_t key_words, Reliability reliability,
-                  Durability durability, int depth, DeadlineKind deadline) noexcept
-      : spec{name, type, key_words, reliability, durability, depth, deadline} {}
+                  Durability durability, int depth, DeadlineKind deadline,
+                  std::optional<Direction> delayed = {}) noexcept
+      : spec{name, type, key_words, reliability, durability, depth, deadline, delayed} {}
   TopicSpec spec;
 };
 
@@ -47,13 +51,14 @@ inline constexpr std::tuple kTopicTable{
     Topic<SceneDescription>{"scene", "subworld::msg::Scene", 0, Reliability::reliable, Durability::transient_local,
                             kNewestOfSeveral, DeadlineKind::none},
     Topic<DeviceState>{"device_state", "subworld::msg::DeviceState", 1, Reliability::best_effort, Durability::volatile_,
-                       kNewestOfSeveral, DeadlineKind::two_device_periods},
+                       kNewestOfSeveral, DeadlineKind::two_device_periods, Direction::from_device},
     Topic<DeviceCommand>{"device_command", "subworld::msg::DeviceCommand", 1, Reliability::best_effort,
-                         Durability::volatile_, kNewestOfSeveral, DeadlineKind::two_device_periods},
+                         Durability::volatile_, kNewestOfSeveral, DeadlineKind::two_device_periods,
+                         Direction::to_device},
     Topic<WorldFrame>{"world_frame", "subworld::msg::WorldFrame", 1, Reliability::reliable, Durability::volatile_, 8,
-                      DeadlineKind::two_cycles},
+                      DeadlineKind::two_cycles, Direction::down},
     Topic<HapticReport>{"haptic_report", "subworld::msg::HapticReport", 1, Reliability::reliable, Durability::volatile_,
-                        8, DeadlineKind::two_cycles},
+                        8, DeadlineKind::two_cycles, Direction::up},
     Topic<WorldSnapshot>{"world_state", "subworld::msg::WorldState", 0, Reliability::best_effort, Durability::volatile_,
                          1, DeadlineKind::none},
     Topic<Control>{"control", "subworld::msg::Control", 0, Reliability::reliable, Durability::transient_local, 16,
@@ -78,6 +83,17 @@ inline constexpr std::size_t kTopicIndex = row_of<M>(kTopicTable);
 /// The topic of a model struct.
 template <class M>
 inline constexpr const TopicSpec& kTopicOf = kTopics[kTopicIndex<M>];
+
+/// In real time the other users' programs get the states of a device here, at most every kShared_s: a device's motion
+/// is predicted over that time, and each message to each user costs both sides tens of microseconds. A topic of its
+/// own: its deadline is too long for a reader of all states, and Fast DDS compares deadlines before partitions.
+inline constexpr TopicSpec kSharedDeviceState = [] {
+  TopicSpec spec = kTopicOf<DeviceState>;
+  spec.name = "shared_device_state";
+  spec.delayed = Direction::from_peer;
+  return spec;
+}();
+inline constexpr double kShared_s = 0.004;
 
 /// Quality of service that a reader or writer requests.
 struct Qos {

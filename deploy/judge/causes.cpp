@@ -97,12 +97,21 @@ Cause by_slow_cycles(const RunResults& run) {
                           run.placement.world.empty(), run);
 }
 
+std::string link_text(const RunResults& run) {
+  const DelaySettings& d = run.scene.settings.delay;
+  if (run.link) return fmt::format(" (link: {})", *run.link);
+  if (!run.realtime() || !d.any()) return {};
+  return fmt::format(" (artificial delay {:g} ms, jitter {:g} ms, loss {:g} %)", 1e3 * (d.up_s + d.down_s),
+                     1e3 * d.jitter_s, 1e2 * d.loss_ratio);
+}
+
 Cause by_loss(const UserOfRun& at) {
   const double halted_s = static_cast<double>(at.haptic().skipped_steps) * at.settings().h_s;
   const double history_s = static_cast<double>(kTopicOf<WorldFrame>.depth) * at.settings().h_s * at.settings().ratio;
-  if (at.run.between_hosts && halted_s < history_s)
-    return {Culprit::network,
-            "frames of the world were lost on the network; look for loss and delay with `subworld lab network`"};
+  if (at.run.has_unknown_delay() && halted_s < history_s)
+    return {Culprit::network, fmt::format("frames of the world were lost on the way{}; look for loss and delay with "
+                                          "`subworld lab network`",
+                                          link_text(at.run))};
   return {Culprit::run,
           "frames of the world were lost on the way; the sub-world was halted, or the network is too slow"};
 }

@@ -43,6 +43,8 @@ struct UserOfRun {
 /// Why a loop's own steps miss deadlines.
 [[nodiscard]] Cause by_own_steps(const UserOfRun& at);
 [[nodiscard]] Cause by_slow_cycles(const RunResults& run);
+/// " (link: delay 20ms)": what delayed the messages on their way, as far as the run made it itself; else empty.
+[[nodiscard]] std::string link_text(const RunResults& run);
 /// Why frames of the world did not reach a sub-world. In real time its reader holds a few frames, so one that was
 /// halted for longer loses the others.
 [[nodiscard]] Cause by_loss(const UserOfRun& at);

@@ -51,13 +51,14 @@ std::string user_text(const RunResults& run, const HapticResult& haptic) {
 /// What the run assumes about the network between its programs. The figures are those of haptic_sim: HeadStart, Phase.
 std::string network_text(const RunResults& run) {
   const Settings& settings = run.scene.settings;
-  if (!settings.remote) return {};
+  if (!settings.remote && !settings.has_unknown_delay()) return {};
   const std::string link =
       run.link ? fmt::format(
                      "The hosts were namespaces of this machine, with an emulated link between any two, each "
                      "way: {}. ",
                      *run.link)
-               : "The programs ran on several hosts, with a network between them. ";
+      : settings.remote ? "The programs ran on several hosts, with a network between them. "
+                        : "The programs held their messages for an artificial delay. ";
   if (!run.realtime())
     return link + "In lock-step the programs wait for each message: the network costs time and changes no result.";
   if (!scheme_of(settings).properties.has_sub_worlds)

@@ -101,15 +101,15 @@ Readings bodies_energy(const RunResults& run) {
   const bool absent =
       std::ranges::any_of(run.device, [](const DeviceResult& one) { return one.driver && one.driver->absences > 0; });
   const bool of_scheme = scheme_of(run.scene.settings).properties.creates_energy_late;
-  const bool of_network = run.realtime() && run.between_hosts && std::ranges::any_of(run.haptic, [](const auto& one) {
+  const bool of_network = run.has_unknown_delay() && std::ranges::any_of(run.haptic, [](const auto& one) {
                             return one.late_reports_ratio > kLateReportsRatio || one.lost_frames > 0;
                           });
   const std::string cure =
       of_scheme    ? ": with late messages this --scheme creates it; another one, or less delay"
       : of_network ? fmt::format(
-                         "; messages were late or lost on the network{}, which can create it; compare with a "
-                         "run without that network",
-                         run.link ? " (link: " + *run.link + ")" : "")
+                         "; messages were late or lost on the way{}, which can create it; compare with a run "
+                         "without that delay",
+                         link_text(run))
                    : "; a smaller --ratio, --set world.preset=quality, or another --engine";
   const Cause cause = absent ? Cause{Culprit::run,
                                      "a device was absent, and what its operator did meanwhile is in no account; find "
@@ -128,7 +128,7 @@ Readings messages(const RunResults& run) {
                         "hosts more than 0.5 s; look for a slow network, or for a sub-world that was halted"})};
   for (const UserOfRun& at : users_of(run)) {
     all.push_back(reading(at.name() + "lost frames", kCount, at.haptic().lost_frames, 0.0, by_loss(at)));
-    if (run.realtime() && run.between_hosts)
+    if (run.has_unknown_delay())
       all.push_back(reading(at.name() + "late reports", kOfReports, at.haptic().late_reports_ratio, kLateReportsRatio,
                             {Culprit::network,
                              "reports reached the world after it needed them, so it guessed what the operator did: the "

@@ -62,6 +62,10 @@ struct RunResults : WorldPart {
   std::optional<std::string> display;  ///< how the display died
 
   [[nodiscard]] bool realtime() const noexcept { return scene.settings.mode == Mode::realtime; }
+  /// A network or the settings delayed messages by a time that the programs did not know beforehand.
+  [[nodiscard]] bool has_unknown_delay() const noexcept {
+    return realtime() && (between_hosts || scene.settings.has_unknown_delay());
+  }
 };
 
 /// File in which a program writes its part of the results. `user`: negative for the world.

@@ -1,8 +1,10 @@
+#include "judge/causes.hpp"
 #include "judge/gates.hpp"
 #include "judge/summary.hpp"
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cstdint>
 
 namespace subworld {
@@ -21,6 +23,18 @@ std::string os_remark(const RunResults& run) {
   return fmt::format("; the OS delayed {} of {} steps past their deadline ({:.2g} %){}{}", grouped(delayed),
                      grouped(periods), 100.0 * static_cast<double>(delayed) / static_cast<double>(periods),
                      bare.empty() ? "" : "; ", bare);
+}
+
+/// No run knows what its operators would have felt without a delay of some cycles.
+std::string delay_remark(const RunResults& run) {
+  if (!run.has_unknown_delay() || run.haptic.empty()) return {};
+  double round_trip_s = 0.0;
+  for (const HapticResult& haptic : run.haptic) round_trip_s = std::max(round_trip_s, haptic.round_trip_s.p50);
+  if (round_trip_s < 3.0 * run.scene.settings.longest_cycle_s()) return {};
+  return fmt::format(
+      "; the round trip to the world took {:.3g} ms (p50){}. No gate judges the force error of such a delay: `subworld "
+      "lab latency {}` measures it",
+      1e3 * round_trip_s, link_text(run), run.scene.name);
 }
 
 std::string absence_text(const Absence& one, double end_s) {
@@ -72,7 +86,7 @@ std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
                           : gate.cause.culprit == Culprit::network ? ", by the network"
                                                                    : "");
   }
-  return text;
+  return text + delay_remark(run);
 }
 
 }  // namespace subworld

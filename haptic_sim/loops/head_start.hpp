@@ -1,5 +1,7 @@
 #pragma once
 
+#include "model/scene/scene.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,7 +19,7 @@ namespace subworld {
 /// all were two cycles early. After a change the window begins when the change has reached the world and come back.
 class HeadStart {
  public:
-  static constexpr double kMost_s = 0.5;
+  static constexpr double kMost_s = kLongestRoundTrip_s;
   static constexpr double kMargin_cycles = 0.5;
 
   /// `round_trip_s`: of the handshake.

@@ -12,10 +12,7 @@ constexpr std::uint64_t bit(std::size_t user) noexcept { return std::uint64_t{1}
 
 PeerDevices::PeerDevices(Bus& bus, const Scene& scene)
     : bus_(bus), shared_(scene.settings.mode == Mode::realtime), readers_(scene.users.size()) {
-  for (const UserSpec& user : scene.users) {
-    periods_s_.push_back(shared_ ? shared_period_s(scene.settings, user.device.rate_hz)
-                                 : scene.settings.sample_period_s(user.device.rate_hz));
-  }
+  for (const UserSpec& user : scene.users) periods_s_.push_back(shared_period_s(scene.settings, user.device.rate_hz));
 }
 
 PeerDevices::~PeerDevices() { stop(); }
@@ -29,10 +26,10 @@ void PeerDevices::stop() {
 
 Reader<DeviceState>& PeerDevices::open(std::size_t user) {
   std::optional<Reader<DeviceState>>& reader = readers_[user];
-  const auto number = static_cast<int>(user);
+  const std::string partition = device_partition(static_cast<int>(user));
   if (!reader) {
-    reader.emplace(
-        bus_.device_reader(shared_ ? shared_device_partition(number) : device_partition(number), periods_s_[user]));
+    reader.emplace(shared_ ? bus_.shared_device_reader(partition, periods_s_[user])
+                           : bus_.reader<DeviceState>(partition));
   }
   open_.fetch_or(bit(user), std::memory_order_release);
   return *reader;

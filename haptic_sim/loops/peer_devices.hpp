@@ -42,7 +42,7 @@ class PeerDevices {
   void stop();
 
   Bus& bus_;
-  bool shared_;  ///< real time: they send their states to all users' programs in a partition of its own
+  bool shared_;                                              ///< real time: of kSharedDeviceState
   std::vector<double> periods_s_;                            ///< of the devices, by user
   std::vector<std::optional<Reader<DeviceState>>> readers_;  ///< by user
   std::atomic<std::uint64_t> wanted_{0};                     ///< users whose readers find() has asked for

@@ -76,10 +76,10 @@ class WorldClock {
   }
   /// Between hosts, the round trip on top of that, where the world trails the sub-world.
   [[nodiscard]] double head_start_s() const {
-    return settings_.remote && lead_cycles_ > 0 ? head_start_.head_start_s() : 0.0;
+    return settings_.has_unknown_delay() && lead_cycles_ > 0 ? head_start_.head_start_s() : 0.0;
   }
   [[nodiscard]] Phase new_phase() const noexcept {
-    return {settings_.longest_cycle_s(), lead_cycles_, settings_.remote};
+    return {settings_.longest_cycle_s(), lead_cycles_, settings_.has_unknown_delay()};
   }
 
   const SubWorld& sub_;

@@ -14,6 +14,8 @@ namespace {
 constexpr double kForceLimit_n = 40.0;  // of scene press
 
 class Overload : public ProcessTest {};
+class ShortDelay : public ProcessTest {};
+class RealTimeDelay : public ProcessTest, public ::testing::WithParamInterface<std::string> {};
 
 class RealTime : public ProcessTest, public ::testing::WithParamInterface<std::tuple<std::string, std::string>> {};
 
@@ -57,6 +59,33 @@ std::string name_of_run(const ::testing::TestParamInfo<std::tuple<std::string, s
 }
 INSTANTIATE_TEST_SUITE_P(Vendors, RealTime, ::testing::ValuesIn(kRuns.half), name_of_run);
 INSTANTIATE_TEST_SUITE_P(FullRealtime, RealTime, ::testing::ValuesIn(kRuns.other), name_of_run);
+
+// Each message takes the delay of the settings, and the world uses what the operator did in time.
+TEST_P(RealTimeDelay, OfTheSettingsActsOnOneMachine) {
+  const Ended ended = run(scene("lift"), {"--mode", "realtime", "--duration", "2", "--latency", "0.1", "--set",
+                                          "delay.device_latency_s=0.02", "--dds", GetParam()});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Json json = summary();
+  for (const char* program : {"haptic", "device"}) {
+    const double least_s = program == std::string("haptic") ? 0.1 : 0.02;
+    for (const Json& one : json[program]) {
+      EXPECT_GE(one["round_trip_s"]["p50"].get<double>(), least_s) << one;
+      EXPECT_LE(one["round_trip_s"]["p50"].get<double>(), least_s + 0.05) << one;
+    }
+  }
+  EXPECT_NEAR(json["simulated_s"].get<double>(), 2.0, 1e-6);
+  EXPECT_NE(json["verdict"].get<std::string>().find("artificial delay 100 ms"), std::string::npos) << json["verdict"];
+  const Table table = read_table(out() + "/haptic_0.csv");
+  const std::size_t device = table.column("device_time_s");
+  EXPECT_GT(table.rows.back()[device], 1.5) << "the device's states arrive";
+}
+INSTANTIATE_TEST_SUITE_P(Vendors, RealTimeDelay, ::testing::Values("fastdds", "cyclonedds"));
+
+TEST_F(ShortDelay, IsThatOfARunInRealTime) {
+  const Ended ended = run(scene("lift"), {"--mode", "realtime", "--latency", "0.6"});
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_NE(ended.err.find("in real time it may be 0.5 s: reduce --latency"), std::string::npos) << ended.err;
+}
 
 // A sub-world that is too slow continues from the world's newest state. It neither freezes nor catches up.
 TEST_F(Overload, OfTheSubWorldEndsWithTheWorld) {

@@ -66,7 +66,7 @@ class RealtimeLoop : WorldLoop {
     if (!handshake()) return ending();
     measures.bodies().record_now(world);
     // The sub-worlds are ahead by the lead, and the world must wait for what they do.
-    const double notice_s = scene.settings.remote ? kStartInBetweenHosts_s : kStartIn_s;
+    const double notice_s = scene.settings.has_unknown_delay() ? kStartInBetweenHosts_s : kStartIn_s;
     const std::uint64_t stamp = world.facts().stamp;
     const std::uint64_t ahead_steps = world.timetable().start(stamp + lead_) - world.timetable().start(stamp);
     const double start_in_s = notice_s + scene.settings.h_s * static_cast<double>(ahead_steps);

@@ -2,37 +2,20 @@
 
 #include "coupling/messages/timetable.hpp"
 #include "model/scene/scene.hpp"
+#include "model/settings/journey.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 namespace subworld {
 
-/// `from_peer`: from the device of another user to the sub-world, one hop of the network beyond that device's own link.
-enum class Direction : std::uint8_t { up, down, from_device, to_device, from_peer };
-
-/// What becomes of one message of a user under the settings' delay, jitter and loss: a pure function, so that both
-/// sides know it and a run repeats bit by bit.
-class Journey {
- public:
-  Journey(const Settings& settings, std::uint32_t user) noexcept
-      : settings_(settings.delay), h_s_(settings.h_s), user_(user) {}
-
-  /// How many haptic steps the message of this number takes.
-  [[nodiscard]] std::uint64_t steps(Direction direction, std::uint64_t number) const noexcept;
-  /// Whether it is lost, where it is sent once.
-  [[nodiscard]] bool is_lost(Direction direction, std::uint64_t number, std::uint64_t attempt = 0) const noexcept;
-  /// Most that a message takes.
-  [[nodiscard]] double longest_s(Direction direction) const noexcept;
-
- private:
-  [[nodiscard]] double delay_s(Direction direction) const noexcept;
-
-  DelaySettings settings_;
-  double h_s_;
-  std::uint64_t user_;
-};
+/// How many haptic steps of `h_s` the message of this number takes.
+[[nodiscard]] inline std::uint64_t journey_steps(const Journey& journey, Direction direction, std::uint64_t number,
+                                                 double h_s) noexcept {
+  return static_cast<std::uint64_t>(std::ceil(journey.delay_s(direction, number) / h_s - 1e-9));
+}
 
 /// One direction of the link between a device and its sub-world, in lock-step: one message is sent in each haptic step,
 /// and the newest that has arrived counts. The first one has arrived when the loop begins.
@@ -41,7 +24,8 @@ class DelayLine {
  public:
   /// `first`: the step of the first message.
   DelayLine(const Settings& settings, Direction direction, std::uint32_t user, std::uint64_t first = 0)
-      : journey_(settings, user),
+      : journey_(settings.delay, user),
+        h_s_(settings.h_s),
         direction_(direction),
         first_(first),
         newest_(first),
@@ -52,7 +36,8 @@ class DelayLine {
     sent_[step % sent_.size()] = message;
     const std::uint64_t oldest = step + 1 > sent_.size() ? step + 1 - sent_.size() : 0;
     for (std::uint64_t number = step + 1; number-- > std::max(oldest, newest_);) {
-      if (number + journey_.steps(direction_, number) > step || journey_.is_lost(direction_, number)) continue;
+      if (number + journey_steps(journey_, direction_, number, h_s_) > step || journey_.is_lost(direction_, number))
+        continue;
       newest_ = number;
       arrived_ = sent_[number % sent_.size()];
       return arrived_;
@@ -63,6 +48,7 @@ class DelayLine {
 
  private:
   Journey journey_;
+  double h_s_;
   Direction direction_;
   std::uint64_t first_;
   std::uint64_t newest_;

@@ -10,9 +10,6 @@ namespace subworld {
 
 namespace {
 
-/// Of a report's way to the world and back, between hosts in real time, s. Longer, the world cannot use it.
-constexpr double kLongestRoundTrip_s = 0.5;
-
 /// A share of the difference of two states, and another one of its rotation and angular velocity.
 Shift part_of(const BodyState& from, const BodyState& to, double share, double turn_share) noexcept {
   if (share == 0.0 && turn_share == 0.0) return {};
@@ -28,9 +25,7 @@ Shift part_of(const BodyState& from, const BodyState& to, double share, double t
 }  // namespace
 
 std::uint64_t remembered_cycles(const Settings& settings, const Scheme& scheme) noexcept {
-  // Between hosts in real time nobody knows the delay.
-  const bool between_hosts = settings.mode == Mode::realtime && settings.remote;
-  const double unknown_s = between_hosts ? kLongestRoundTrip_s : 0.0;
+  const double unknown_s = settings.has_unknown_delay() ? kLongestRoundTrip_s : 0.0;
   return 16 + Delay(settings, scheme.properties.lead_cycles, 0).longest_cycles() +
          static_cast<std::uint64_t>(std::ceil(unknown_s / settings.shortest_cycle_s()));
 }

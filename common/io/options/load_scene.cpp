@@ -49,6 +49,17 @@ void check_presence(const Options& o, const Scene& scene) {
                           where));
 }
 
+/// Throws `Error` (usage) for a delay that a sub-world cannot be ahead of.
+void check_delay(const std::string& file, const Settings& s) {
+  const double round_trip_s = s.delay.up_s + s.delay.down_s + 2.0 * s.delay.jitter_s;
+  if (s.mode == Mode::lockstep || round_trip_s <= kLongestRoundTrip_s) return;
+  throw Error(
+      ExitCode::usage,
+      fmt::format("{}: the delay between world and sub-world is {:g} s there and back, with jitter; in real time "
+                  "it may be {:g} s: reduce --latency or settings.delay, or run with --mode lockstep",
+                  file, round_trip_s, kLongestRoundTrip_s));
+}
+
 }  // namespace
 
 void check_without(const Options& options, const Scene& scene) {
@@ -73,12 +84,7 @@ Scene load_scene(const Options& o) {
   apply_changes(changes_of(o), scene);
   check_users(scene);
   s.remote = std::ranges::any_of(o.network.peers, is_remote);
-  if (s.mode == Mode::realtime && s.delay.any()) {
-    throw Error(ExitCode::usage,
-                fmt::format("{}: artificial delay and loss act in lock-step only; remove settings.delay, --latency "
-                            "and --set delay, or run with --mode lockstep",
-                            o.scene));
-  }
+  check_delay(o.scene, s);
   const int declared = static_cast<int>(scene.users.size());
   if (s.users == 0) s.users = declared;
   if (s.users > declared) {

@@ -146,7 +146,10 @@ struct PaperSettings {
   double device_impulse_threshold_n_s = 1e-4;  ///< below: the user has added no energy in this cycle
 };
 
-/// Artificial delay and loss of messages in lock-step. World and sub-world use reliable messages: a lost one arrives a
+/// In real time, of a report's way to the world and back, s. Longer, the world cannot use it.
+inline constexpr double kLongestRoundTrip_s = 0.5;
+
+/// Artificial delay and loss of messages. World and sub-world use reliable messages: a lost one arrives a
 /// round trip later. Device and sub-world do not: a lost one never arrives, and the newest one received counts.
 struct DelaySettings {
   double up_s = 0.0;           ///< from sub-world to world
@@ -204,8 +207,12 @@ struct Settings {
   bool remote = false;                         ///< programs of the run are on other hosts (--peers)
   /// Weber fraction of the link of a device (coupling/messages/deadband); 0: every sample is sent.
   double deadband = 0.0;
+  /// In real time messages have a delay that no program knows beforehand: of a network, or an artificial one.
+  [[nodiscard]] bool has_unknown_delay() const noexcept { return mode == Mode::realtime && (remote || delay.any()); }
   /// In real time on one host, messages cost little: every sample is sent.
-  [[nodiscard]] double deadband_in_use() const noexcept { return mode == Mode::lockstep || remote ? deadband : 0.0; }
+  [[nodiscard]] double deadband_in_use() const noexcept {
+    return mode == Mode::lockstep || has_unknown_delay() ? deadband : 0.0;
+  }
   /// Longest regular time between two samples of a device of this rate, s.
   [[nodiscard]] double sample_period_s(double rate_hz) const noexcept {
     return 1.0 / rate_hz + (deadband > 0.0 ? kLongestAbsence_s : 0.0);

@@ -90,7 +90,7 @@ struct UserLimit {
 /// What the sentence says beyond the users' limits.
 struct Question {
   std::string scene;
-  const char* link;      ///< "round-trip delay"
+  std::string link;      ///< "round-trip delay"
   bool finished = true;  ///< false: a signal stopped the search
 };
 /// One sentence: the least limit of all users, and what exceeds its bound beyond it.

@@ -24,7 +24,8 @@ const std::vector<std::string> kQuickScenes{"row"};
 
 struct Request {
   std::vector<std::string> scenes;
-  LatencyQuestion question;  ///< without its scene
+  LatencyQuestion question;               ///< without its scene
+  std::vector<double> jitters_s, losses;  ///< empty: the scene's
   bool device = false;
   bool emulated = false;
   bool quick = false;
@@ -63,6 +64,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab latency lift carry --scheme paper --largest 0.1\n"
       "  subworld lab latency row --rms 0.1 --p99 0.2 --seed 2\n"
       "  subworld lab latency press --device-latency\n"
+      "  subworld lab latency carry --jitter 0,0.005 --loss 0,0.01\n"
       "  subworld lab latency row --link --dds cyclonedds\n"
       "DIR/report.html shows the errors against the delay, DIR/results.csv and results.json hold them, with a row\n"
       "for the limit of each user.\n"
@@ -78,6 +80,12 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
             "on hosts of their own; needs the rights of `subworld link`");
   add_dds(line, question.dds, {"fastdds", "cyclonedds", "mixed"});
   line.add("--largest", &question.largest_s, "largest delay that is looked at").range(0.001, kLargest_s, "s");
+  line.add("--jitter", &request.jitters_s, "longest extra delay of a single message; the limit is searched for each")
+      .range(0.0, 1.0, "s")
+      .otherwise("the scene's, usually 0");
+  line.add("--loss", &request.losses, "part of the messages that is lost; the limit is searched for each")
+      .range(0.0, 0.9)
+      .otherwise("the scene's, usually 0");
   add_bounds(line, question.bounds);
   line.add("--scheme", &point.scheme, "coupling scheme")
       .one_of({"direct", "paper", "reduced"})
@@ -112,16 +120,31 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
   return std::nullopt;
 }
 
+/// The question's point with each of these values of a setting; without values, as it is.
+std::vector<Point> varied(const std::vector<Point>& points, const char* key, const std::vector<double>& values) {
+  if (values.empty()) return points;
+  std::vector<Point> all;
+  for (const Point& point : points) {
+    for (const double value : values) all.emplace_back(point).settings.push_back({key, fmt::format("{}", value)});
+  }
+  return all;
+}
+
 std::vector<LatencyQuestion> questions_of(const Request& request) {
+  const std::vector<Point> points =
+      varied(varied({request.question.point}, "delay.jitter_s", request.jitters_s), "delay.loss_ratio", request.losses);
   std::vector<LatencyQuestion> questions;
   for (const std::string& scene : request.scenes) {
     for (const Link link : {Link::world, Link::device, Link::emulated}) {
       if (link == Link::device && !request.device) continue;
       if (link == Link::emulated && !request.emulated) continue;
-      LatencyQuestion& question = questions.emplace_back(request.question);
-      question.point.scene = scene_file(scene);
-      question.link = link;
-      scatter(question, request.seed);
+      for (const Point& point : points) {
+        LatencyQuestion& question = questions.emplace_back(request.question);
+        question.point = point;
+        question.point.scene = scene_file(scene);
+        question.link = link;
+        scatter(question, request.seed);
+      }
     }
   }
   return questions;
@@ -140,9 +163,10 @@ class Progress {
     const Criteria& values = run.users[worst];
     const std::optional<Criterion> over = exceeded(values, question.bounds);
     fmt::print("[{:3}/{}] {:<13} {:<6} {:6.4g} ms  {}: rms {:.2f} %, p99 {:.2f} %, offset {:.1f} ms{}{}\n",
-               answer.runs.size(), most, answer.settings.at("scene").get<std::string>(), name_of(question.link),
-               1e3 * run.delay_s, answer.limits[worst].name, 1e2 * values[Criterion::rms], 1e2 * values[Criterion::p99],
-               1e3 * values[Criterion::offset], over ? fmt::format(": {}", text_of(*over, values[*over])) : "",
+               answer.runs.size(), most, answer.settings.at("scene").get<std::string>(),
+               name_of(question.link) + disturbance_of(answer.settings), 1e3 * run.delay_s, answer.limits[worst].name,
+               1e2 * values[Criterion::rms], 1e2 * values[Criterion::p99], 1e3 * values[Criterion::offset],
+               over ? fmt::format(": {}", text_of(*over, values[*over])) : "",
                left_.text(static_cast<double>(answer.runs.size()) / static_cast<double>(most)));
     std::fflush(stdout);
   }

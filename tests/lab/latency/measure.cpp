@@ -158,7 +158,8 @@ std::vector<Sample> samples_of(const LatencyAnswer& answer, std::size_t user) {
 void conclude(LatencyAnswer& answer, const LatencyQuestion& question, const std::string& scene) {
   for (std::size_t u = 0; u < answer.limits.size(); ++u)
     answer.limits[u].limit = limit_of(samples_of(answer, u), question.bounds);
-  answer.sentence = sentence_of({scene, words_of(question.link), answer.finished}, answer.limits);
+  answer.sentence =
+      sentence_of({scene, words_of(question.link) + disturbance_of(answer.settings), answer.finished}, answer.limits);
 }
 
 /// What is known before the first run with a delay. Empty if a signal requested a stop.
@@ -166,6 +167,8 @@ const Reference* begin(LatencyAnswer& answer, const LatencyQuestion& question, c
                        References& references) {
   answer.settings = {{"scene", scene.name},
                      {"link", name_of(question.link)},
+                     {"jitter_s", scene.settings.delay.jitter_s},
+                     {"loss_ratio", scene.settings.delay.loss_ratio},
                      {"scheme", scene.settings.scheme},
                      {"engine", scene.settings.world.name},
                      {"haptic_engine", scene.settings.haptic.name},
@@ -193,6 +196,12 @@ const char* name_of(Link link) noexcept {
 const char* words_of(Link link) noexcept {
   constexpr const char* kWords[] = {"round-trip delay", "device delay", "round-trip delay of an emulated link"};
   return kWords[static_cast<std::size_t>(link)];
+}
+
+std::string disturbance_of(const Json& settings) {
+  const double jitter_s = settings.at("jitter_s"), loss = settings.at("loss_ratio");
+  if (jitter_s == 0.0 && loss == 0.0) return "";
+  return fmt::format(" with {:g} ms of jitter and {:g} % of loss", 1e3 * jitter_s, 1e2 * loss);
 }
 
 LatencyAnswer answer(const LatencyQuestion& question, References& references, const OnRun& on_run) {

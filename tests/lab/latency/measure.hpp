@@ -54,6 +54,9 @@ struct LatencyAnswer {
 /// Called after each delay, with the most delays that the search may take.
 using OnRun = std::function<void(const LatencyAnswer&, const DelayedRun&, std::size_t most)>;
 
+/// " with 5 ms of jitter and 1 % of loss"; empty: neither.
+[[nodiscard]] std::string disturbance_of(const Json& settings);
+
 /// Searches the limit of each user (latency/search). Each direction of the link has half of the delay, in whole haptic
 /// steps. A delay that is within the bounds, but nearer to them than half, is run with all starts, and the largest
 /// values count: the error depends on where in a cycle a contact begins. Stops early, with what there is, where a

@@ -126,8 +126,8 @@ void write_latency_report(const std::string& path, const LatencyFindings& found)
   page.add(kHowToRead);
   for (std::size_t i = 0, first = 0; i < found.answers.size(); first = ends[i++]) {
     const LatencyAnswer& answer = found.answers[i];
-    page.heading(
-        fmt::format("{}, {}", answer.settings.at("scene").get<std::string>(), words_of(found.questions[i].link)));
+    page.heading(fmt::format("{}, {}{}", answer.settings.at("scene").get<std::string>(),
+                             words_of(found.questions[i].link), disturbance_of(answer.settings)));
     page.add(fmt::format("<p class=choice>{}</p>\n", escaped(answer.sentence)));
     page.plots(pictures.data() + first, ends[i] - first);
     page.add(table_of(answer));

@@ -25,7 +25,7 @@ LatencyAnswer answer_of(const Json& settings, const Criteria& bounds, const Rows
   answer.finished = settings.at("finished");
   std::vector<std::vector<Sample>> samples;
   for (const Json& row : rows) {
-    if (!alike(row, settings, {"scene", "link"})) continue;
+    if (!alike(row, settings, {"scene", "link", "jitter_s", "loss_ratio"})) continue;
     const auto u = row.at("user").get<std::size_t>();
     if (u >= answer.limits.size()) {
       answer.limits.resize(u + 1);

@@ -15,7 +15,7 @@ TEST_P(SharedStates, AreFewerAndTellOthersWhereADeviceIs) {
   settings.mode = Mode::realtime;
   const auto bus = open_bus(network, settings, 0.001, "test");
   auto own = bus->reader<DeviceState>(device_partition(1));
-  auto shared = bus->device_reader(shared_device_partition(1), kShared_s);
+  auto shared = bus->shared_device_reader(device_partition(1), kShared_s);
   auto reports = bus->reader<HapticReport>(user_partition(0));
   int of_own = 0, of_shared = 0, aged = 0;
   DeviceState state;
@@ -29,6 +29,7 @@ TEST_P(SharedStates, AreFewerAndTellOthersWhereADeviceIs) {
     while (reports.take(report) == Take::sample) aged += report.peer_age_s > 0.0 && report.peer_age_s < 0.02;
   }
   ASSERT_EQ(code, 0) << run.err();
+  EXPECT_EQ(run.err().find("incompatible"), std::string::npos) << run.err();
   EXPECT_GT(of_shared, 100);
   EXPECT_GT(of_own, 2 * of_shared) << "all states are sent to all";
   EXPECT_GT(aged, 50) << "user 0 does not hear the device of user 1";

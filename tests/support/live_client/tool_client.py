@@ -26,9 +26,9 @@ class Page:
         self.number = int(viewer.info["metadata"]["connection"])
 
     @staticmethod
-    async def open(address, user=0):
+    async def open(address, user=0, topics=("/tools", "/user_0/device_state")):
         page = Page(await Viewer.open(address), user)
-        await page.viewer.subscribe("/tools", "/world_state", f"/user_{user}/device_state", f"/user_{user}/device_command")
+        await page.viewer.subscribe(*topics)
         await page.viewer.send(op="advertise", channels=[{"id": CHANNEL, "topic": f"/user_{user}/tool", "encoding": "cdr"}])
         return page
 
@@ -116,12 +116,11 @@ async def hold(page, way):
     while "/world_state" not in page.newest:
         assert not reader.done(), reader.exception()
         await asyncio.sleep(0.01)
-    began, stamp = time.monotonic(), page.newest["/world_state"]["stamp_s"]
+    offset = -math.inf
     while True:
-        newest = page.newest["/world_state"]["stamp_s"]
-        if newest != stamp:
-            began, stamp = time.monotonic(), newest
-        position = way(stamp + time.monotonic() - began)
+        # A state may arrive late: the one that was fastest has the time.
+        offset = max(offset, page.newest["/world_state"]["stamp_s"] - time.monotonic())
+        position = way(offset + time.monotonic())
         if position is None:
             break
         try:
@@ -153,7 +152,7 @@ async def lift(address):
     def front(now_s):
         return None if now_s > 10 else (0, 0.023 * part(now_s, 6.7, 7.2), height(now_s))
 
-    pages = [await Page.open(address, 1), await Page.open(address, 2)]
+    pages = [await Page.open(address, user, ["/world_state"]) for user in (1, 2)]
     other = asyncio.ensure_future(hold(pages[1], front))
     await hold(pages[0], right)
     await other

@@ -514,8 +514,8 @@ TEST(Delay, AFrameIsLateByBothDirectionsWhereTheWorldTrails) {
 TEST(Delay, OfAPeersDeviceIsThatOfItsLinkAndOfOneHop) {
   Settings settings;
   settings.delay = {.up_s = 0.004, .down_s = 0.006, .from_device_s = 0.002, .to_device_s = 0.003};
-  EXPECT_EQ(Journey(settings, 0).steps(Direction::from_peer, 7), 8U);
-  EXPECT_EQ(Journey(settings, 0).steps(Direction::from_device, 7), 2U);
+  EXPECT_EQ(journey_steps(Journey(settings.delay, 0), Direction::from_peer, 7, settings.h_s), 8U);
+  EXPECT_EQ(journey_steps(Journey(settings.delay, 0), Direction::from_device, 7, settings.h_s), 2U);
 }
 
 // Equation (7) of common/coupling/README.md.
