@@ -36,12 +36,15 @@ std::string verdict_of(const Question& question, const UserLimit& least, bool se
   const Limit& limit = least.limit;
   const std::string whose = several ? fmt::format(" for user {}", least.name) : "";
   const auto why = [&] { return text_of(*limit.limited_by, limit.beyond->values[*limit.limited_by]); };
-  if (!question.finished) {
-    return fmt::format("stopped before the limit was found; {}",
-                       limit.within_s ? fmt::format("up to {} of {} cannot be felt so far",
-                                                    milliseconds(*limit.within_s), question.link)
-                                      : "no delay was within the bounds so far");
-  }
+  const std::string so_far =
+      limit.within_s ? fmt::format("up to {} of {} cannot be felt so far", milliseconds(*limit.within_s), question.link)
+                     : "no delay was within the bounds so far";
+  if (!question.disturbed.empty())
+    return fmt::format(
+        "no limit: this machine was too busy for the programs of the run ({}); {}; end other programs and "
+        "search again, or use a machine with more cores",
+        question.disturbed, so_far);
+  if (!question.finished) return "stopped before the limit was found; " + so_far;
   if (limit.within_s.value_or(0.0) == 0.0 && limit.beyond) {
     const double s = limit.beyond->delay_s;
     return fmt::format("no {} is imperceptible: {} {}{}", question.link,
@@ -100,6 +103,7 @@ Limit limit_of(std::span<const Sample> samples, const Criteria& bounds) {
   Limit limit;
   for (const Sample& sample : samples) {
     limit.limited_by = exceeded(sample.values, bounds);
+    if (limit.limited_by && sample.disturbed) return {.within_s = limit.within_s, .beyond = {}, .limited_by = {}};
     if (limit.limited_by) {
       limit.beyond = sample;
       break;

@@ -69,6 +69,7 @@ inline constexpr std::array<CriterionText, kCriteria> kCriterionTexts{{
 struct Sample {
   double delay_s = 0.0;
   Criteria values;
+  bool disturbed = false;  ///< the OS or the run were late: beyond the bounds, it says nothing
 };
 
 /// The largest measured delay at which, and at all smaller measured ones, a user is within the bounds.
@@ -91,7 +92,8 @@ struct UserLimit {
 struct Question {
   std::string scene;
   std::string link;      ///< "round-trip delay"
-  bool finished = true;  ///< false: a signal stopped the search
+  bool finished = true;  ///< false: the search was stopped, by a signal or by a disturbed machine
+  std::string disturbed = {};
 };
 /// One sentence: the least limit of all users, and what exceeds its bound beyond it.
 [[nodiscard]] std::string sentence_of(const Question& question, std::span<const UserLimit> users);

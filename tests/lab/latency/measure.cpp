@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace subworld {
@@ -66,12 +67,15 @@ std::string emulated_link(const DelaySettings& link, double delay_s) {
 }
 
 /// Of a run of the real programs. Each begins its paths at an instant of its own. Empty if a signal requested a stop.
-std::optional<std::vector<Criteria>> criteria_over_link(const LatencyQuestion& question, double delay_s) {
+/// `disturbed`: see DelayedRun.
+std::optional<std::vector<Criteria>> criteria_over_link(const LatencyQuestion& question, double delay_s,
+                                                        std::string& disturbed) {
   Point point = question.point;
   point.starts_later_s = 0.0;
   const OverLink over{.link = emulated_link(scene_of(point).settings.delay, delay_s), .dds = question.dds};
   const std::optional<LinkedRun> run = undisturbed_run_over_link(point, over);
   if (!run) return std::nullopt;
+  disturbed = run->disturbed;
   const Outcome& reference = run->reference;
   std::vector<Criteria> users(reference.felt.size());
   const std::vector<ForceError> errors =
@@ -130,7 +134,7 @@ std::optional<DelayedRun> measured_at(const LatencyQuestion& question, int delay
   do {
     const std::optional<std::vector<Criteria>> users =
         question.link == Link::emulated
-            ? criteria_over_link(question, at.delay_s)
+            ? criteria_over_link(question, at.delay_s, at.disturbed)
             : criteria_in_lockstep(question, delay, at.starts, settings.longest_cycle_s(), references);
     if (!users) return std::nullopt;
     raise(at.users, *users);
@@ -151,7 +155,7 @@ std::string doubt_of(const Criteria& reference, const Criteria& bounds) {
 
 std::vector<Sample> samples_of(const LatencyAnswer& answer, std::size_t user) {
   std::vector<Sample> samples;
-  for (const DelayedRun& run : answer.runs) samples.push_back({run.delay_s, run.users[user]});
+  for (const DelayedRun& run : answer.runs) samples.push_back({run.delay_s, run.users[user], !run.disturbed.empty()});
   return samples;
 }
 
@@ -159,7 +163,8 @@ void conclude(LatencyAnswer& answer, const LatencyQuestion& question, const std:
   for (std::size_t u = 0; u < answer.limits.size(); ++u)
     answer.limits[u].limit = limit_of(samples_of(answer, u), question.bounds);
   answer.sentence =
-      sentence_of({scene, words_of(question.link) + disturbance_of(answer.settings), answer.finished}, answer.limits);
+      sentence_of({scene, words_of(question.link) + disturbance_of(answer.settings), answer.finished, answer.disturbed},
+                  answer.limits);
 }
 
 /// What is known before the first run with a delay. Empty if a signal requested a stop.
@@ -224,8 +229,10 @@ LatencyAnswer answer(const LatencyQuestion& question, References& references, co
     const auto after = std::ranges::upper_bound(answer.runs, at->delay_s, {}, &DelayedRun::delay_s);
     const DelayedRun& added = *answer.runs.insert(after, std::move(*at));
     on_run(answer, added, search.most());
+    if (!added.disturbed.empty() && !std::ranges::all_of(within, std::identity())) answer.disturbed = added.disturbed;
+    if (!answer.disturbed.empty()) break;
   }
-  answer.finished = reference != nullptr && !search.next();
+  answer.finished = reference != nullptr && !search.next() && answer.disturbed.empty();
   conclude(answer, question, scene.name);
   return answer;
 }
@@ -259,12 +266,14 @@ Rows rows_of(const LatencyQuestion& question, const LatencyAnswer& answer) {
       const Sample sample{run.delay_s, run.users[u]};
       add(rows.emplace_back(row_of("point", u)), &sample);
       rows.back()["starts"] = run.starts;
+      rows.back()["disturbed"] = run.disturbed;
     }
   }
   for (std::size_t u = 0; u < answer.limits.size(); ++u) {
     const Limit& limit = answer.limits[u].limit;
     add(rows.emplace_back(row_of("limit", u)), limit.beyond ? &*limit.beyond : nullptr);
     rows.back()["starts"] = nullptr;
+    rows.back()["disturbed"] = answer.disturbed;
   }
   for (Json& row : rows) {
     const UserLimit& user = answer.limits[row.at("user").get<std::size_t>()];

@@ -40,6 +40,7 @@ struct DelayedRun {
   double delay_s = 0.0;
   int starts = 0;               ///< runs, each with another start of the paths
   std::vector<Criteria> users;  ///< the largest of all starts, by user
+  std::string disturbed = {};   ///< over a link: how this machine disturbed the best run; empty: it did not
 };
 
 struct LatencyAnswer {
@@ -49,6 +50,7 @@ struct LatencyAnswer {
   Json settings;                    ///< columns that all rows have
   std::string sentence;
   bool finished = true;
+  std::string disturbed = {};  ///< why nothing can be concluded from a run beyond the bounds, which ended the search
 };
 
 /// Called after each delay, with the most delays that the search may take.

@@ -36,11 +36,13 @@ LatencyAnswer answer_of(const Json& settings, const Criteria& bounds, const Rows
     answer.limits[u].undecided = row.at("undecided");
     answer.reference[u][Criterion::rms] = number(row, "reference_error");
     if (row.at("kind") != "point") continue;
+    const std::string disturbed = row.at("disturbed");
     Sample& sample = samples[u].emplace_back();
+    sample.disturbed = !disturbed.empty();
     sample.delay_s = number(row, "delay_s");
     for (const CriterionText& text : kCriterionTexts) sample.values[text.criterion] = number(row, text.column);
     if (answer.runs.empty() || answer.runs.back().delay_s != sample.delay_s)
-      answer.runs.push_back({sample.delay_s, row.at("starts"), {}});
+      answer.runs.push_back({sample.delay_s, row.at("starts"), {}, disturbed});
     answer.runs.back().users.resize(u + 1);
     answer.runs.back().users[u] = sample.values;
   }

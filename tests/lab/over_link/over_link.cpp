@@ -127,11 +127,14 @@ double late_steps(const Json& summary) {
   return late;
 }
 
-/// Whether all gates hold, but for those that the network or the scene missed: another run would miss them too.
-bool is_undisturbed(const Json& summary) {
-  return std::ranges::all_of(summary.at("gates"), [](const Json& gate) {
-    return gate.at("ok") || gate.at("missed_by") == "network" || gate.at("missed_by") == "scene";
-  });
+/// The first gate that this machine missed. Those of the network, the scene and the engine another run would miss too.
+std::string disturbance_of(const Json& summary) {
+  for (const Json& gate : summary.at("gates")) {
+    if (gate.at("ok") || (gate.at("missed_by") != "os" && gate.at("missed_by") != "run")) continue;
+    return fmt::format("{} {:.3g} {}", gate.at("name").get<std::string>(), gate.at("value").get<double>(),
+                       gate.at("unit").get<std::string>());
+  }
+  return {};
 }
 
 }  // namespace
@@ -185,7 +188,8 @@ std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const Ove
   for (int attempt = 1; attempt <= kAttempts; ++attempt) {
     std::optional<LinkedRun> run = run_over_link(point, over);
     if (!run) return run;
-    const bool ok = is_undisturbed(run->summary);
+    run->disturbed = disturbance_of(run->summary);
+    const bool ok = run->disturbed.empty();
     if (!best || ok || late_steps(run->summary) < late_steps(best->summary)) best = std::move(run);
     best->attempts = attempt;
     if (ok) break;

@@ -25,6 +25,7 @@ struct LinkedRun {
   std::vector<double> start_s;    ///< by user: simulated time at which the device started its path
   Outcome reference;              ///< of the same motions
   int attempts = 1;               ///< runs that were made, this one is the best
+  std::string disturbed = {};     ///< gate that this machine missed, with its value; empty: none
 };
 
 /// Throws `Error` (failed), with the cure, where this process may not emulate a network: before the minutes that other
@@ -40,9 +41,9 @@ void require_link_rights();
 /// where the run failed.
 [[nodiscard]] std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over);
 
-/// The first of at most four runs that the machine has not disturbed: no gate is missed, or only by the network or the
-/// scene. If there is none, the run whose programs were late the least often. A busy machine delays the programs too;
-/// that is not the link's delay.
+/// The first of at most four runs that the machine has not disturbed: no gate is missed, or only by the network, the
+/// engine or the scene. If there is none, the run whose programs were late the least often. A busy machine delays the
+/// programs too; that is not the link's delay.
 [[nodiscard]] std::optional<LinkedRun> undisturbed_run_over_link(const Point& point, const OverLink& over);
 
 /// The clock of a device, as its haptic process saw it.

@@ -146,6 +146,23 @@ TEST(Sentence, SaysWhereNothingCanBeDecided) {
             std::string::npos);
 }
 
+TEST(Sentence, ConcludesNothingFromABusyMachine) {
+  Criteria within, beyond;
+  beyond[Criterion::rms] = 0.2;
+  const std::vector<Sample> samples{{0.0, within}, {0.01, within}, {0.02, beyond, true}};
+  const Limit limit = limit_of(samples, default_bounds());
+  EXPECT_EQ(limit.within_s, 0.01);
+  EXPECT_FALSE(limit.beyond);
+  const std::vector<UserLimit> users{{.name = "hand", .limit = limit, .undecided = ""}};
+  const std::string text = sentence_of(
+      {.scene = "row", .link = "round-trip delay", .finished = false, .disturbed = "world: late cycles 0.2"}, users);
+  EXPECT_EQ(
+      text,
+      "row: 1 user: no limit: this machine was too busy for the programs of the run (world: late cycles 0.2); up to "
+      "10 ms of round-trip delay cannot be felt so far; end other programs and search again, or use a machine with "
+      "more cores");
+}
+
 TEST(DeviceClock, HasTheStartAndTheDelaysOfADevice) {
   DeviceClock clock;
   // It starts at 0.25 s, and its clock stops for 0.1 s at 0.4 s of its path.

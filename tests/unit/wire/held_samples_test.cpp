@@ -12,7 +12,8 @@ using std::chrono::milliseconds;
 class Delayed : public ::testing::Test {
  protected:
   HeldSamples& open(const DelaySettings& delay, Direction direction, bool repeats = false, int depth = 2) {
-    return held_.emplace(kTopicOf<SceneDescription>, Qos{.depth = depth}, Transit{Journey(delay, 0), direction, repeats});
+    return held_.emplace(kTopicOf<SceneDescription>, Qos{.depth = depth},
+                         Transit{Journey(delay, 0), direction, repeats});
   }
   void put(std::uint8_t number, milliseconds ago) {
     std::vector<std::uint8_t> bytes{0, 1, 0, 0, number};
