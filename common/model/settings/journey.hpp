@@ -19,14 +19,14 @@ class Journey {
 
   /// Of the message of this number.
   [[nodiscard]] double delay_s(Direction direction, std::uint64_t number) const noexcept {
-    if (settings_.jitter_s <= 0.0) return constant_s(direction);
+    if (settings_.jitter_s <= 0.0 || is_local(direction)) return constant_s(direction);
     const std::uint64_t key =
         ((settings_.seed * 64 + user_) * 2 + static_cast<std::uint64_t>(direction)) * kHashPrime + number;
     return constant_s(direction) + settings_.jitter_s * uniform(key);
   }
   /// Whether it is lost, where it is sent once.
   [[nodiscard]] bool is_lost(Direction direction, std::uint64_t number, std::uint64_t attempt = 0) const noexcept {
-    if (settings_.loss_ratio <= 0.0) return false;
+    if (settings_.loss_ratio <= 0.0 || is_local(direction)) return false;
     const std::uint64_t stream = (settings_.seed * 64 + user_) * 4 + static_cast<std::uint64_t>(direction);
     return uniform(((stream + kLoss) * 8 + attempt) * kHashPrime + number) < settings_.loss_ratio;
   }
@@ -40,7 +40,7 @@ class Journey {
   [[nodiscard]] double repeat_s() const noexcept { return settings_.up_s + settings_.down_s + kHeartbeat_s; }
   /// Most that a message takes that is sent once.
   [[nodiscard]] double longest_s(Direction direction) const noexcept {
-    return constant_s(direction) + settings_.jitter_s;
+    return constant_s(direction) + (is_local(direction) ? 0.0 : settings_.jitter_s);
   }
 
   /// Of one message; then it arrives.
@@ -54,6 +54,11 @@ class Journey {
   /// In [0, 1).
   static double uniform(std::uint64_t key) noexcept { return static_cast<double>(random_bits(key) >> 11U) * 0x1.0p-53; }
 
+  /// A device without a delay is at its sub-world: no network is between them.
+  [[nodiscard]] bool is_local(Direction direction) const noexcept {
+    return (direction == Direction::from_device || direction == Direction::to_device) &&
+           settings_.from_device_s + settings_.to_device_s <= 0.0;
+  }
   [[nodiscard]] double constant_s(Direction direction) const noexcept {
     switch (direction) {
       case Direction::up:
