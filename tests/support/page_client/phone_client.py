@@ -2,6 +2,7 @@
 FOLDER. Ends the run. Ends with 0 if the page behaves as it should, with 77 and a text if this machine cannot show it."""
 import asyncio
 import contextlib
+import math
 import re
 import socket
 import sys
@@ -48,8 +49,6 @@ async def box(page, selector):
 
 
 async def presses(page):
-    await page.click("#tools .row button")
-    await page.until("the tool", lambda s: s["tool"]["holds"])
     await page.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowRight", code="ArrowRight")
     await page.until("it presses", lambda s: s["tool"]["force"]["x"] < -12)
     await page.call("Input.dispatchKeyEvent", type="keyUp", key="ArrowRight", code="ArrowRight")
@@ -63,14 +62,21 @@ async def covers_nothing(page):
 
 
 async def shows_force(page):
-    """An arrow that leaves the view has its value. After the release, the force is zero."""
+    """The arrow of a force has its value. After the release, the force is zero."""
     for _ in range(12):
         await page.key("+")
     near = "document.querySelector('.value-of-arrow')?.textContent ?? ''"
-    frames = (await page.state())["frames"]
-    await page.until("drawn nearer", lambda s: s["frames"] > frames + 3)
-    assert re.fullmatch(r"\d+\.\d N", await page.value(near)), await page.value(near)
-    assert float((await page.value(FORCE)).split()[0]) > 5, await page.value(FORCE)
+    # A busy machine draws the camera's way late, and where it halts the page, the force is off until the tool presses anew.
+    for _ in range(100):
+        shown = await page.value(FORCE)
+        force = float(shown.split()[0]) if shown else math.inf
+        if math.inf > force > 5 and re.fullmatch(r"\d+\.\d N", await page.value(near)):
+            break
+        if force < 5:
+            await presses(page)
+        await asyncio.sleep(0.1)
+    else:
+        assert False, (force, await page.value(near), await page.state())
     await page.key("Escape")
     time_s = (await page.until("released", lambda s: s["tool"]["user"] == -1))["time_s"]
     await page.until("a second later", lambda s: s["time_s"] > time_s + 1.0)
@@ -80,6 +86,8 @@ async def shows_force(page):
 
 async def look(page):
     await page.until("a tool", lambda s: s["tool"]["offered"] == 1 and s["frames"] > 0 and s["time_s"] > 0.5)
+    await page.click("#tools .row button")
+    await page.until("the tool", lambda s: s["tool"]["holds"])
     await presses(page)
     await covers_nothing(page)
     await shows_force(page)
