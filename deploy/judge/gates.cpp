@@ -104,13 +104,17 @@ Readings bodies_energy(const RunResults& run) {
   const bool of_network = run.has_unknown_delay() && std::ranges::any_of(run.haptic, [](const auto& one) {
                             return one.late_reports_ratio > kLateReportsRatio || one.lost_frames > 0;
                           });
+  constexpr double kSlowed = 0.9;
+  const bool of_clock = run.realtime() && run.world.real_time_factor_min < kSlowed;
   const std::string cure =
       of_scheme    ? ": with late messages this --scheme creates it; another one, or less delay"
       : of_network ? fmt::format(
                          "; messages were late or lost on the way{}, which can create it; compare with a run "
                          "without that delay",
                          link_text(run))
-                   : "; a smaller --ratio, --set world.preset=quality, or another --engine";
+      : of_clock ? "; the world was too slow, so its clock changed its rate, which the sub-worlds learn late: fewer "
+                   "bodies or users, a larger --ratio, or more cores"
+                 : "; a smaller --ratio, --set world.preset=quality, or another --engine";
   const Cause cause = absent ? Cause{Culprit::run,
                                      "a device was absent, and what its operator did meanwhile is in no account; find "
                                      "out why its readings stopped"}

@@ -256,6 +256,11 @@ TEST(Gates, EnergyThatTheBodiesGainedIsUnstable) {
   RunResults run = quiet_run();
   run.energy_excess_j = 0.08;
   EXPECT_TRUE(verdict(run).starts_with("unstable: energy that the bodies gained 0.08 J")) << verdict(run);
+  EXPECT_NE(verdict(run).find("another --engine"), std::string::npos) << verdict(run);
+  run.world.real_time_factor_min = 0.3;
+  EXPECT_NE(verdict(run).find("the world was too slow, so its clock changed its rate"), std::string::npos)
+      << verdict(run);
+  run.world.real_time_factor_min = 1.0;
   run.world.released_j = 0.4;
   EXPECT_EQ(verdict(run), "ok") << "an engine may add a little energy to a falling body";
   run.world.released_j = 0.0;
