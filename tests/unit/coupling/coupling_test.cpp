@@ -511,6 +511,23 @@ TEST(Delay, AFrameIsLateByBothDirectionsWhereTheWorldTrails) {
   EXPECT_TRUE(trailing.report_due(3, 2, timetable));
 }
 
+TEST(Delay, ADeviceWithoutOneIsNoNetworkAway) {
+  DelaySettings delay{.up_s = 0.01, .jitter_s = 0.1, .loss_ratio = 0.9};
+  const auto disturbed = [&](Direction direction) {
+    const Journey journey(delay, 0);
+    bool any = false;
+    for (std::uint64_t i = 0; i < 100; ++i)
+      any = any || journey.is_lost(direction, i) || journey.delay_s(direction, i) > 0.05;
+    return any;
+  };
+  EXPECT_FALSE(disturbed(Direction::from_device));
+  EXPECT_FALSE(disturbed(Direction::to_device));
+  EXPECT_TRUE(disturbed(Direction::up));
+  EXPECT_TRUE(disturbed(Direction::from_peer));
+  delay.to_device_s = 0.001;
+  EXPECT_TRUE(disturbed(Direction::from_device));
+}
+
 TEST(Delay, OfAPeersDeviceIsThatOfItsLinkAndOfOneHop) {
   Settings settings;
   settings.delay = {.up_s = 0.004, .down_s = 0.006, .from_device_s = 0.002, .to_device_s = 0.003};
