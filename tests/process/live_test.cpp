@@ -108,7 +108,7 @@ TEST_F(Live, DisconnectsAClientThatDoesNotRead) {
 
 /// Viewers of all topics change no bit of a lock-step run.
 TEST_F(Live, ChangesNoResultInLockStep) {
-  const Words lockstep{"--mode", "lockstep", "--duration", "20"};
+  const Words lockstep{"--mode", "lockstep", "--duration", "8"};
   begin(lockstep);
   view("read_all", {"foxglove.sdk.v1"});
   EXPECT_EQ(run_->wait().value_or(-1), 0) << run_->err();

@@ -87,7 +87,7 @@ TEST_F(Recording, ReSimulationHasTheRecordedHash) {
 }
 
 TEST_F(Recording, AReSimulationEndsWithItsCommandAndKeepsToItsDomain) {
-  ASSERT_EQ(run(scene("press"), recorded({"--mode", "lockstep", "--duration", "20"})).code, 0);
+  ASSERT_EQ(run(scene("press"), recorded({"--mode", "lockstep", "--duration", "8"})).code, 0);
   const std::string again = folder_.path() + "/again";
   Process replay({program("subworld"), "replay", file(), "--resimulate", "--out", again, "--domain", domain_.text()},
                  folder_.path());

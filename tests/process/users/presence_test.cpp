@@ -61,7 +61,7 @@ TEST_P(LockstepDelays, RepeatTheLeaveOfAUser) {
 
 class LockstepOrders : public LockstepPresence {};
 TEST_P(LockstepOrders, ToLeaveAreRecordedAndRepeat) {
-  Process process(run_words(scene("lift"), flags({"--duration", "10"})), folder_.path());
+  Process process(run_words(scene("lift"), flags({"--duration", "5"})), folder_.path());
   ASSERT_TRUE(eventually([&] { return read_text(out() + "/haptic_1.csv").size() > 10000; })) << process.err();
   const Ended order =
       finish({program("subworld"), "control", "leave", "--user", "1", "--domain", domain_.text(), "--dds", GetParam()});
@@ -69,7 +69,7 @@ TEST_P(LockstepOrders, ToLeaveAreRecordedAndRepeat) {
   ASSERT_EQ(process.wait(), 0) << process.out() << process.err();
   const std::string presence = summary()["presence"], hash = summary()["state_hash"];
   EXPECT_NE(presence.find("1 leaves"), std::string::npos) << presence;
-  EXPECT_EQ(run(scene("lift"), flags({"--duration", "10", "--set", "presence=" + presence})).code, 0);
+  EXPECT_EQ(run(scene("lift"), flags({"--duration", "5", "--set", "presence=" + presence})).code, 0);
   EXPECT_EQ(summary()["state_hash"], hash) << presence;
 }
 

@@ -38,24 +38,27 @@ std::vector<const Body*> cubes(const Scene& scene) {
 
 /// The deepest overlap of any two boxes, m. Bodies are sorted along x, so that few pairs are tested.
 double deepest_overlap(const Scene& scene) {
-  std::vector<const Body*> boxes;
+  struct Ball {
+    double lower, upper, y, z, radius;
+    const Body* body;
+  };
+  std::vector<Ball> balls;
   for (const Body& body : scene.bodies) {
-    if (body.shape.kind == ShapeKind::box) boxes.push_back(&body);
+    if (body.shape.kind != ShapeKind::box) continue;
+    const Vec3& at = scene.initial[index(body.id)].position;
+    const double radius = body.shape.half_extents.norm();
+    balls.push_back({at.x() - radius, at.x() + radius, at.y(), at.z(), radius, &body});
   }
-  const auto lower = [&](const Body* b) {
-    return scene.initial[index(b->id)].position.x() - b->shape.half_extents.norm();
-  };
-  const auto upper = [&](const Body* b) {
-    return scene.initial[index(b->id)].position.x() + b->shape.half_extents.norm();
-  };
-  std::sort(boxes.begin(), boxes.end(), [&](const Body* a, const Body* b) { return lower(a) < lower(b); });
+  std::ranges::sort(balls, {}, &Ball::lower);
   double deepest = -1.0;
-  for (std::size_t i = 0; i < boxes.size(); ++i) {
-    for (std::size_t k = i + 1; k < boxes.size() && lower(boxes[k]) <= upper(boxes[i]); ++k) {
-      const Body& a = *boxes[i];
-      const Body& b = *boxes[k];
-      if (a.fixed() && b.fixed()) continue;
-      deepest = std::max(deepest, overlap_depth(a, scene.initial[index(a.id)], b, scene.initial[index(b.id)]));
+  for (std::size_t i = 0; i < balls.size(); ++i) {
+    const Ball& a = balls[i];
+    for (std::size_t k = i + 1; k < balls.size() && balls[k].lower <= a.upper; ++k) {
+      const Ball& b = balls[k];
+      if (std::max(std::abs(a.y - b.y), std::abs(a.z - b.z)) > a.radius + b.radius) continue;
+      if (a.body->fixed() && b.body->fixed()) continue;
+      deepest = std::max(
+          deepest, overlap_depth(*a.body, scene.initial[index(a.body->id)], *b.body, scene.initial[index(b.body->id)]));
     }
   }
   return deepest;
