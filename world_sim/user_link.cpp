@@ -21,6 +21,7 @@ LinkAction UserLink::follow(LinkEvent event, const BodyState& proxy) {
 
 bool UserLink::receive(HapticReport& report, std::uint64_t now, const BodyState& proxy) {
   if (!inbox_.accepts(report.stamp, now)) return false;
+  if (presence_ == UserPresence::held && report.confirmed_stamp < held_at_) return true;
   const bool anew = report.started_stamp >= joins_from_;
   const LinkAction action = follow(anew ? LinkEvent::new_report : LinkEvent::report, proxy);
   if (action == LinkAction::refuse) return false;

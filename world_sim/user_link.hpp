@@ -72,14 +72,20 @@ class UserLink {
   UserLink(const Scheme& scheme, const Scene& scene, std::size_t user);
 
   /// Keeps a report until the world, which is at the stamp `now`, reaches its stamp. False for one that is refused. The
-  /// caller gets an older report for it, so that a reader need not allocate for the next one.
+  /// caller gets an older report for it, so that a reader need not allocate for the next one. One of a sub-world that
+  /// does not know yet that the world holds the proxy is passed over: it would move bodies by what the world has
+  /// undone.
   bool receive(HapticReport& report, std::uint64_t now, const BodyState& proxy);
   /// See ReportInbox.
   [[nodiscard]] const HapticReport* take(std::uint64_t stamp) noexcept { return inbox_.take(stamp); }
   /// What take() returned has been used, for the motion up to `until_s`. True where the coupling holds the proxy no
   /// longer.
   bool used(std::uint64_t stamp, double until_s);
-  void time_out(const BodyState& proxy) { follow(LinkEvent::timeout, proxy); }
+  /// No report has come for too long until the stamp `now`.
+  void time_out(std::uint64_t now, const BodyState& proxy) {
+    if (!holds()) held_at_ = now;
+    follow(LinkEvent::timeout, proxy);
+  }
   /// From now on only reports count of a sub-world that has started from a frame of `joins_from` or later.
   void leave(const BodyState& proxy, std::uint64_t joins_from);
   /// In a resumed world: the coupling holds the proxy from there, with energy of before.
@@ -127,6 +133,7 @@ class UserLink {
   ReportInbox inbox_;
   UserPresence presence_ = UserPresence::awaited;
   DevicePose device_;                 ///< while the coupling holds the proxy
+  std::uint64_t held_at_ = 0;         ///< stamp at which reports of a present user had stayed away
   std::uint64_t joins_from_ = 1;      ///< oldest frame of another start of the sub-world
   std::uint64_t joins_at_ = 0;        ///< stamp of the first report of the user who is joining
   Totals baseline_;                   ///< added to those of reports: a process that joins counts from its own start

@@ -49,7 +49,7 @@ class World {
   }
 
   /// Reports of the user do not come: until the next one, the coupling holds the proxy.
-  void hold(std::size_t user) { links_[user].time_out(proxy(user)); }
+  void hold(std::size_t user) { links_[user].time_out(facts_.stamp, proxy(user)); }
   /// Before the first cycle: the user is absent until a sub-world reports that has started from a frame of this stamp
   /// or a later one.
   void begin_without(std::size_t user) { links_[user].leave(proxy(user), facts_.stamp); }

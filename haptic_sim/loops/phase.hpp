@@ -25,6 +25,7 @@ class Phase {
   static constexpr double kFreeBetweenHosts_cycles = 25.0;
   static constexpr std::size_t kFramesBetweenHosts = 51;
   static constexpr double kBraking_cycles = 8.0;  ///< from there to a stop
+  static constexpr double kCutOff = 0.5;          ///< of the brake
   static constexpr double kSlewLimit_ppm = 200.0;
 
   /// `cycle_s`: the longest cycle; `lead_cycles`: by how many cycles frames come late because the haptic clock is
@@ -71,6 +72,9 @@ class Phase {
     return rate_;
   }
 
+  /// Frames have stayed away for so long that the brake is below one half. What moves in the sub-world has velocities
+  /// of its own slow clock then, which mean nothing to the world.
+  [[nodiscard]] bool cut_off() const noexcept { return brake_ < kCutOff; }
   /// The world is paused, or not begun yet.
   [[nodiscard]] bool stands() const noexcept { return factor_ <= 0.0 || waits_s_ > 0.0; }
   /// The sub-world starts anew: its clock has the wanted rate at once, because the force begins anew too.
@@ -89,11 +93,11 @@ class Phase {
   static constexpr double kFar_cycles = 1.0;
   static constexpr double kCaughtUp_cycles = 0.05, kCaughtUpBetweenHosts_cycles = 0.5;
 
-  [[nodiscard]] double target(double haptic_s) const noexcept {
+  [[nodiscard]] double target(double haptic_s) noexcept {
     const double late = following_ ? std::clamp(kFollow * late_cycles_, -kMostWait, kMostCatchUp) : 0.0;
     const double past = (haptic_s - newest_stamp_s_ - head_start_s_) / cycle_s_ - lead_cycles_ - free_cycles_;
-    const double brake = seen_ ? std::clamp(1.0 - past / kBraking_cycles, 0.0, 1.0) : 1.0;
-    return factor_ * (1.0 + late) * brake;
+    brake_ = seen_ ? std::clamp(1.0 - past / kBraking_cycles, 0.0, 1.0) : 1.0;
+    return factor_ * (1.0 + late) * brake_;
   }
 
   /// Of the haptic clock to wall time, at full speed: the median of the newest frames. `newest`: by this frame.
@@ -119,6 +123,7 @@ class Phase {
   double newest_stamp_s_ = 0.0;
   double factor_ = 1.0;
   double rate_ = 1.0;
+  double brake_ = 1.0;
   double waits_s_ = 0.0;  ///< wall time until the clock goes on
   bool following_ = false;
   bool seen_ = false;

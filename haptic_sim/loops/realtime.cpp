@@ -151,7 +151,7 @@ class RealtimeLoop : HapticRun {
     const auto report = [&] {
       stages_.mark(HapticStage::advance);
       HapticReport* const closed = sub.close_cycle(to_ns(Clock::now()));
-      if (frames_.framed()) ports.send(*closed);
+      if (frames_.framed() && !clock_.phase().cut_off()) ports.send(*closed);
       stages_.mark(HapticStage::report);
     };
     // A force after a long sleep would rely on old states.

@@ -149,6 +149,7 @@ TEST(Phase, StopsSoftlyWhereFramesStayAway) {
   Phase phase(0.004, 1);
   phase.observe(0.004, 0.005, 0.0, 0.002, 1.0, 0.007, 0.0);
   double haptic_s = 0.007;
+  EXPECT_FALSE(phase.cut_off());
   for (int i = 0; i < 5000; ++i) {
     const double before = phase.rate();
     const double rate = phase.step(haptic_s, 0.001);
@@ -156,6 +157,7 @@ TEST(Phase, StopsSoftlyWhereFramesStayAway) {
     haptic_s += 0.001 * rate;
   }
   EXPECT_LT(haptic_s, 0.004 + 0.004 * 14) << "a world that is gone is not run ahead of";
+  EXPECT_TRUE(phase.cut_off());
 }
 
 // A world that has been started again begins 0.2 s after its first frame.

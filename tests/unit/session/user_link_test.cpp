@@ -33,9 +33,12 @@ class Link {
  public:
   Link() : scene_(load_scene(std::string(SCENES_FOLDER) + "/lift.yaml")), link(scheme_of(scene_.settings), scene_, 0) {}
 
-  bool report(std::uint64_t started = 0) {
+  bool report(std::uint64_t started = 0) { return report(started, stamp_); }
+  /// `confirmed`: the newest frame that the sub-world knows.
+  bool report(std::uint64_t started, std::uint64_t confirmed) {
     HapticReport report;
     report.stamp = ++stamp_;
+    report.confirmed_stamp = confirmed;
     report.stamp_s = 0.01 * static_cast<double>(stamp_);
     report.started_stamp = started;
     report.impulse_total.force = {0.02 * static_cast<double>(stamp_), 0.0, 0.0};
@@ -51,7 +54,7 @@ class Link {
     if (state == UserPresence::awaited) return;
     use();
     use();
-    if (state == UserPresence::held) link.time_out({});
+    if (state == UserPresence::held) link.time_out(stamp_, {});
     if (state == UserPresence::joining) {
       EXPECT_TRUE(report(stamp_));
     }
@@ -62,7 +65,7 @@ class Link {
   bool happen(LinkEvent event) {
     if (event == LinkEvent::report) return report(link.presence() == UserPresence::joining ? 2 : 0);
     if (event == LinkEvent::new_report) return report(stamp_ + 1);
-    if (event == LinkEvent::timeout) link.time_out({});
+    if (event == LinkEvent::timeout) link.time_out(stamp_, {});
     if (event == LinkEvent::leave) link.leave({}, stamp_ + 1);
     return true;
   }
@@ -109,6 +112,17 @@ TEST(UserLink, AUserWhoFallsSilentIsHeldWithTheLastWrench) {
   user.reach(UserPresence::held);
   user.link.act(4, 0.04, {}, user.link.spec().coupling);
   EXPECT_NEAR(user.link.wrench().force.x(), 2.0, 1e-9);
+}
+
+// The network was down: what the sub-world did meanwhile, the world has undone by holding the proxy.
+TEST(UserLink, ReportsThatDoNotKnowThatTheProxyIsHeldArePassedOver) {
+  Link user;
+  user.reach(UserPresence::held);
+  EXPECT_TRUE(user.report(0, 1)) << "it is a sign of life";
+  EXPECT_EQ(user.link.presence(), UserPresence::held);
+  EXPECT_EQ(user.link.take(3), nullptr);
+  EXPECT_TRUE(user.report(0, 2));
+  EXPECT_EQ(user.link.presence(), UserPresence::joining);
 }
 
 TEST(UserLink, UntilAUserIsHeardTheCouplingHoldsTheProxyAndItsImpulseCounts) {
