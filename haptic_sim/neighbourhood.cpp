@@ -215,7 +215,7 @@ class SimulatedNeighbourhood final : public LocalModel {
     }
     double age_s = time_s - at_s;
     if (held_on_s > 0.0) age_s = held_on_s * std::floor(age_s / held_on_s + kSameTime);
-    const double ahead_s = std::min(age_s, kLongestGuess_s);
+    const double ahead_s = std::min(age_s, rate_ * kLongestGuess_s);
     if (forecast == nullptr) {
       motion.device.pose.position += ahead_s * motion.device.linear_velocity;
     } else if (ahead_s != 0.0) {

@@ -61,7 +61,7 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
     const HapticReport& report = links[p].reports().at(now.stamp);
     if (!report.device) continue;
     const ReportedDevice& at_report = *report.device;
-    const double passed_s = now.stamp_s - report.stamp_s;
+    const double passed_s = std::min(now.stamp_s - report.stamp_s, report.clock_rate * kLongestGuess_s);
     PeerDevice device{.proxy = spec.proxy,
                       .pose = at_report.pose,
                       .linear_velocity = at_report.linear_velocity,
@@ -70,7 +70,7 @@ void FrameMaker::list_peers(const User& user, const WorldNow& now, std::span<con
                       .device_s = at_report.device_s + passed_s / report.clock_rate,
                       .offset = at_report.offset,
                       .turn = at_report.turn};
-    device.pose.position += std::min(passed_s, kLongestGuess_s) * device.linear_velocity;
+    device.pose.position += passed_s * device.linear_velocity;
     frame.peers.push_back(device);
   }
 }

@@ -1,4 +1,4 @@
-// The network between the hosts of a session is down for a while: the users return, and no energy is created.
+// The network between the hosts of a session is down for a while, or the world is: no energy is created.
 #include "process/sessions/sessions.hpp"
 
 #include <fmt/core.h>
@@ -42,6 +42,18 @@ TEST_P(Outages, LeaveTheCubeWhereItIs) {
   }
   fmt::print("{}, {} ms: largest kinetic energy {:.4f} J, absences {}; {}\n", dds, for_ms, kinetic_j,
              json["world"]["absences"].dump(), json["verdict"].get<std::string>());
+}
+
+// A world slows its clock within a cycle, and the operators do not: what they know of each other is 0.1 s old by their
+// own clocks, whatever the simulated time is.
+TEST_F(Sessions, AWorldThatSlowsOverADelayedNetworkCreatesNoEnergy) {
+  const Ended ended =
+      run(scene("lift"), {"--mode", "realtime", "--engine", "busy", "--duration", "2", "--latency", "0.05"},
+          {{"SUBWORLD_ENGINES", SLOW_ENGINE_FOLDER}});
+  ASSERT_TRUE(ended.code == 0 || ended.code == 4) << ended.out << ended.err;
+  const Json json = summary();
+  EXPECT_LT(json["world"]["real_time_factor_min"], 0.25);
+  EXPECT_EQ(json["verdict"].get<std::string>().find("energy"), std::string::npos) << json["verdict"];
 }
 
 INSTANTIATE_TEST_SUITE_P(Links, Outages,

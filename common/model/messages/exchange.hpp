@@ -96,7 +96,8 @@ bool fields(auto& archive, Is<EnteringBody> auto& m) {
   return archive("body", m.body) && archive("state", StateOf{m.body.id, m.state});
 }
 
-/// No device is extrapolated for longer, s of simulated time: its user may have gone.
+/// No device is extrapolated for longer, s of its own time, and no impulse, s of simulated time: the user may have
+/// gone.
 inline constexpr double kLongestGuess_s = 0.2;
 
 /// Without a message for longer, s of simulated time, a user is absent: the world holds the proxy where it is, the
