@@ -181,8 +181,7 @@ void add_solid(const Item& item, std::span<const Mesh> meshes, Figure& figure) {
               .size = shape.half_extents.cast<float>(),
               .radius = static_cast<float>(item.radius),
               .colour = colour_of(item)};
-  if (shape.kind == ShapeKind::convex || shape.kind == ShapeKind::mesh)
-    return add_triangles(meshes[shape.mesh], solid, figure.solids);
+  if (shape.kind >= ShapeKind::convex) return add_triangles(meshes[shape.mesh], solid, figure.solids);
   if (shape.kind == ShapeKind::cylinder) {
     solid.form = Solid::Form::frustum;
     solid.size = {radius, radius, half};

@@ -9,13 +9,6 @@
 
 namespace subworld {
 
-/// Triangles of a mesh file, in the body frame.
-struct Mesh {
-  std::string file;            ///< path as given in the scene
-  std::vector<Vec3> vertices;  ///< m
-  std::vector<std::array<std::uint32_t, 3>> triangles;
-};
-
 enum class ShapeKind : std::uint8_t {
   sphere,    ///< radius
   box,       ///< half_extents
@@ -24,6 +17,7 @@ enum class ShapeKind : std::uint8_t {
   plane,     ///< the half-space z <= 0 of the body frame; fixed bodies only
   convex,    ///< convex hull of a mesh
   mesh,      ///< triangles as they are; fixed bodies only
+  compound,  ///< the parts of a mesh
 };
 
 struct Shape {
@@ -38,6 +32,21 @@ struct Shape {
 struct Material {
   double friction = 0.5;     ///< Coulomb's mu, static and sliding
   double restitution = 0.0;  ///< 0 .. 1
+};
+
+/// A part of a compound body: none with parts of its own, no plane, no triangles.
+struct Part {
+  Shape shape;
+  Pose pose;  ///< in the body frame
+  Material material;
+};
+
+/// Triangles in the body frame, of a mesh file or around the parts of a compound body.
+struct Mesh {
+  std::string file;            ///< path as given in the scene; empty: of parts
+  std::vector<Vec3> vertices;  ///< m
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<Part> parts;  ///< what collides in place of the triangles; not in messages
 };
 
 /// Properties that stay constant while a body moves.

@@ -23,6 +23,11 @@ struct Pose {
   Quat orientation = Quat::Identity();
 };
 
+/// A pose that is given in a frame, where that frame is.
+[[nodiscard]] inline Pose operator*(const Pose& frame, const Pose& in_it) {
+  return {frame.position + frame.orientation * in_it.position, frame.orientation * in_it.orientation};
+}
+
 /// Axis-aligned box.
 struct Box {
   Vec3 lower = Vec3::Zero();  ///< m

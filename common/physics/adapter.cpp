@@ -105,4 +105,8 @@ void refuse_body(BodyId id, const char* why) {
   throw Error(ExitCode::failed, fmt::format("body {} {}", index(id), why));
 }
 
+void refuse_compound(std::string_view engine) {
+  throw Error(ExitCode::usage, fmt::format("{} holds no compound bodies; use bullet, bullet_float or ode", engine));
+}
+
 }  // namespace subworld

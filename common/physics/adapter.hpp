@@ -58,6 +58,7 @@ void save_bodies(std::string_view engine, std::span<const SavedBody> bodies, std
 [[noreturn]] void refuse_checkpoint();
 
 [[noreturn]] void refuse_body(BodyId id, const char* why);
+[[noreturn]] void refuse_compound(std::string_view engine);
 
 inline constexpr double kEverywhere = 1e18;  ///< reach of a plane's bounds, in units of length
 

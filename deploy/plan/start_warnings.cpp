@@ -58,7 +58,7 @@ void warn_of_slips(const Scene& scene, std::vector<std::string>& out) {
                    Slip{"were its measures meant in cm? Write them in m", 1e6, {}},
                    Slip{"was its mass meant in g? Write it in kg", 1e-3, {}}};
   for (const Body& body : scene.bodies) {
-    const bool is_hull = body.shape.kind == ShapeKind::convex;
+    const bool is_hull = body.shape.kind == ShapeKind::convex || body.shape.kind == ShapeKind::compound;
     const double volume_m3 = is_hull ? integrate(scene.meshes[body.shape.mesh]).volume : volume(body.shape);
     if (body.fixed() || volume_m3 <= 0.0) continue;
     const double density = body.mass / volume_m3;

@@ -70,6 +70,7 @@ struct Primitives {
         break;
       case ShapeKind::convex:
       case ShapeKind::mesh:
+      case ShapeKind::compound:
         if (shape.mesh < meshes.size()) triangles.emplace_back(block(0.0, Vec3::Zero()), &meshes[shape.mesh]);
     }
   }

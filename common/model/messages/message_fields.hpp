@@ -66,7 +66,7 @@ bool fields(auto& archive, Is<Body> auto& m) {
          archive("friction", m.material.friction) && archive("restitution", m.material.restitution) &&
          archive("mass", m.mass) && archive("inertia", m.inertia) && archive("gravity", m.gravity) &&
          archive("rotates", m.rotates) &&
-         archive.check(m.shape.kind <= ShapeKind::mesh && m.shape.half_extents.minCoeff() >= 0.0 &&
+         archive.check(m.shape.kind <= ShapeKind::compound && m.shape.half_extents.minCoeff() >= 0.0 &&
                        m.shape.radius >= 0.0 && m.shape.half_length >= 0.0 && m.material.friction >= 0.0 &&
                        m.material.restitution >= 0.0 && m.material.restitution <= 1.0 && m.mass >= 0.0 &&
                        m.inertia.minCoeff() >= 0.0);
@@ -114,8 +114,7 @@ bool fields(auto& archive, Is<SceneDescription> auto& m) {
                           }) &&
          archive.check(m.states.size() == m.bodies.size()) &&
          archive.check(std::ranges::all_of(m.bodies, [&](const Body& body) {
-           const bool needs_mesh = body.shape.kind == ShapeKind::convex || body.shape.kind == ShapeKind::mesh;
-           return !needs_mesh || body.shape.mesh < m.meshes.size();
+           return body.shape.kind < ShapeKind::convex || body.shape.mesh < m.meshes.size();
          }));
 }
 

@@ -8,43 +8,33 @@ namespace subworld {
 
 namespace {
 
-constexpr Limits kPlace{.least = -1e6, .most = 1e6};    // m
-constexpr Limits kSpeed{.least = -1e6, .most = 1e6};    // m/s, rad/s
-constexpr Limits kMass{.least = 1e-9, .most = 1e12};    // kg
-constexpr Limits kDensity{.least = 1e-6, .most = 1e9};  // kg/m^3
-constexpr Limits kSide{.least = 1e-6, .most = 1e6};     // m
+constexpr Limits kSpeed{.least = -1e6, .most = 1e6};  // m/s, rad/s
+constexpr Limits kSide{.least = 1e-6, .most = 1e6};   // m
 
-const std::initializer_list<std::string_view> kBodyKeys = {"name",
-                                                           "shape",
-                                                           "size_m",
-                                                           "radius_m",
-                                                           "length_m",
-                                                           "wall_m",
-                                                           "file",
-                                                           "scale",
-                                                           "up",
-                                                           "material",
-                                                           "mass_kg",
-                                                           "density_kg_m3",
-                                                           "fixed",
-                                                           "position_m",
-                                                           "rotation",
-                                                           "velocity_m_s",
-                                                           "angular_velocity_rad_s",
-                                                           "gravity",
-                                                           "rotates",
-                                                           "at_rest",
-                                                           "repeat"};
+const std::initializer_list<std::string_view> kBodyKeys = {
+    "name",          "shape",   "size_m",     "radius_m", "length_m",     "wall_m",
+    "file",          "scale",   "up",         "parts",    "material",     "mass_kg",
+    "density_kg_m3", "fixed",   "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
+    "gravity",       "rotates", "at_rest",    "repeat"};
 const std::initializer_list<std::string_view> kProxyKeys = {
-    "body",          "shape",      "size_m",   "radius_m",     "length_m",
-    "file",          "scale",      "up",       "material",     "mass_kg",
-    "density_kg_m3", "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
-    "gravity",       "rotates"};
+    "body",       "shape",    "size_m",       "radius_m",
+    "length_m",   "file",     "scale",        "up",
+    "parts",      "material", "mass_kg",      "density_kg_m3",
+    "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
+    "gravity",    "rotates"};
 
 /// In place of a shape with an error, so that a mass follows from it without another error.
 const SolidShape kUnread{.volume = 1.0, .inertia_per_kg = Vec3::Ones()};
 
 }  // namespace
+
+Quat read_rotation(const YamlMap& map) {
+  const auto value = map.find("rotation");
+  if (!value) return Quat::Identity();
+  const YamlMap rotation(*value, {"axis", "angle_deg"});
+  const Vec3 axis = rotation.at("axis").direction();
+  return rotation_deg(axis, rotation.at("angle_deg").number({.least = -360.0, .most = 360.0}));
+}
 
 Materials read_materials(const YamlValue& value, Faults& faults) {
   Materials materials;
@@ -162,23 +152,19 @@ BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidSh
   read_vector("position_m", made.state.position, kPlace);
   read_vector("velocity_m_s", made.state.linear_velocity, kSpeed);
   read_vector("angular_velocity_rad_s", made.state.angular_velocity, kSpeed);
-  faults.collect([&] {
-    const auto value = map.find("rotation");
-    if (!value) return;
-    const YamlMap rotation(*value, {"axis", "angle_deg"});
-    const Vec3 axis = rotation.at("axis").direction();
-    made.state.orientation = rotation_deg(axis, rotation.at("angle_deg").number({.least = -360.0, .most = 360.0}));
-  });
+  faults.collect([&] { made.state.orientation = read_rotation(map); });
   faults.raise();
   return made;
 }
 
 void BodyReader::read_mass(const YamlMap& map, const SolidShape& solid, Body& body) const {
-  const std::size_t which = map.has("fixed") && map.at("fixed").flag()
-                                ? (map.forbid({"mass_kg", "density_kg_m3"}, "the body is fixed"), 2)
-                                : map.one_of({"mass_kg", "density_kg_m3"});
-  if (which == 2) return;
-  body.mass = which == 0 ? map.at("mass_kg").number(kMass) : map.at("density_kg_m3").number(kDensity) * solid.volume;
+  if (map.has("fixed") && map.at("fixed").flag()) return map.forbid({"mass_kg", "density_kg_m3"}, "the body is fixed");
+  if (solid.mass > 0.0) {
+    body.mass = solid.mass;
+  } else {
+    body.mass = map.one_of({"mass_kg", "density_kg_m3"}) == 0 ? map.at("mass_kg").number(kMass)
+                                                              : map.at("density_kg_m3").number(kDensity) * solid.volume;
+  }
   body.inertia = body.mass * solid.inertia_per_kg;
   if (!(body.inertia.minCoeff() > 0.0) || !body.inertia.allFinite()) {
     map.whole().fail("size and mass give a moment of inertia that is not a positive number; check both");

@@ -32,10 +32,18 @@ struct SolidShape {
   Shape shape;
   Pose frame;                          ///< frame of the body in the frame that the scene positions (meshes only)
   double volume = 0.0;                 ///< m^3; 0 for a plane or an open mesh
+  double mass = 0.0;                   ///< kg, of parts that have masses of their own
   Vec3 inertia_per_kg = Vec3::Zero();  ///< m^2
   Vec3 half_extents = Vec3::Zero();    ///< m, of the bounds in the body frame
   double bounding_radius = 0.0;        ///< m, about the body's origin
 };
+
+inline constexpr Limits kPlace{.least = -1e6, .most = 1e6};    ///< m
+inline constexpr Limits kMass{.least = 1e-9, .most = 1e12};    ///< kg
+inline constexpr Limits kDensity{.least = 1e-6, .most = 1e9};  ///< kg/m^3
+
+/// The key `rotation`; none where it is missing.
+[[nodiscard]] Quat read_rotation(const YamlMap& map);
 
 /// Throws if the map has a measure of another shape.
 void forbid_other_measures(const YamlMap& map, std::string_view shape);
@@ -65,6 +73,7 @@ class BodyReader {
   [[nodiscard]] Material read_material(const YamlMap& map) const;
   [[nodiscard]] SolidShape read_shape(const YamlMap& map, bool fixed);
   [[nodiscard]] SolidShape read_mesh_shape(const YamlMap& map, ShapeKind kind);
+  [[nodiscard]] SolidShape read_compound(const YamlMap& map, bool fixed);
   [[nodiscard]] Layout read_repeat(const YamlMap& body, const SolidShape& solid) const;
   void require_room(const YamlValue& value, std::int64_t count) const;
   BodyId add(const YamlValue& place, const std::string& name, const Template& made, const Pose& offset);

@@ -31,8 +31,8 @@ GridLayout read_grid(const YamlValue& value) {
 
 GridLayout read_stack(const YamlValue& value, const SolidShape& solid) {
   const YamlMap map(value, {"count", "gap_m"});
-  if (solid.shape.kind == ShapeKind::convex) {
-    value.fail("a convex mesh has no known height; use row with a step_m");
+  if (solid.shape.kind >= ShapeKind::convex) {
+    value.fail("such a shape has no known height; use row with a step_m");
   }
   GridLayout grid;
   grid.counts[2] = map.at("count").integer(1, kMostBodies);

@@ -15,8 +15,8 @@ namespace {
 
 constexpr Limits kLength{.least = 1e-6, .most = 1e6};  // m
 constexpr std::size_t kMostHullVertices = 10'000;      // the hull's time is quadratic in the vertices
-const std::initializer_list<std::string_view> kShapes = {"sphere", "box",    "capsule", "cylinder",
-                                                         "plane",  "convex", "mesh",    "bin"};
+const std::initializer_list<std::string_view> kShapes = {"sphere", "box",  "capsule",  "cylinder", "plane",
+                                                         "convex", "mesh", "compound", "bin"};
 
 /// The measures of each shape.
 constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {
@@ -27,6 +27,7 @@ constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {
     {"file", "convex mesh"},
     {"scale", "convex mesh"},
     {"up", "convex mesh"},
+    {"parts", "compound"},
 };
 
 /// Bounds and mass properties of everything but meshes.
@@ -74,7 +75,7 @@ SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
   Shape shape;
   const std::size_t kind = at.choice(kShapes);  // in the order of ShapeKind
   const std::string word = at.text();
-  if (word == "bin") at.fail("a bin cannot be a proxy; use a box, sphere, capsule, cylinder or convex");
+  if (word == "bin") at.fail("a bin cannot be a proxy or a part; use a box, sphere, capsule, cylinder or convex");
   shape.kind = static_cast<ShapeKind>(kind);
   forbid_other_measures(map, word);
   if (!fixed && (shape.kind == ShapeKind::plane || shape.kind == ShapeKind::mesh)) {
@@ -84,6 +85,8 @@ SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
     case ShapeKind::convex:
     case ShapeKind::mesh:
       return read_mesh_shape(map, shape.kind);
+    case ShapeKind::compound:
+      return read_compound(map, fixed);
     case ShapeKind::plane:
       break;
     case ShapeKind::box:

@@ -48,9 +48,14 @@ class Hasher {
     put(std::uint64_t{list.size()});
     for (const T& item : list) put(item);
   }
-  void put(const Mesh& m) { add(m.vertices, m.triangles); }
+  void put(const Mesh& m) { add(m.vertices, m.triangles, m.parts); }
+  void put(const Part& p) {
+    put(p.shape);
+    add(p.pose.position, p.pose.orientation, p.material.friction, p.material.restitution);
+  }
+  void put(const Shape& s) { add(s.kind, s.half_extents, s.radius, s.half_length, s.mesh); }
   void put(const Body& b) {
-    add(b.id, b.name, b.shape.kind, b.shape.half_extents, b.shape.radius, b.shape.half_length, b.shape.mesh);
+    add(b.id, b.name, b.shape);
     add(b.material.friction, b.material.restitution, b.mass, b.inertia, b.gravity, b.rotates, b.at_rest);
   }
   void put(const PathSegment& s) {

@@ -31,6 +31,7 @@ double volume(const Shape& shape) noexcept {
     case ShapeKind::plane:
     case ShapeKind::convex:
     case ShapeKind::mesh:
+    case ShapeKind::compound:
       break;
   }
   return 0.0;
@@ -60,6 +61,7 @@ Vec3 principal_inertia(const Shape& shape, double mass_kg) noexcept {
     case ShapeKind::plane:
     case ShapeKind::convex:
     case ShapeKind::mesh:
+    case ShapeKind::compound:
       break;
   }
   return Vec3::Zero();
@@ -101,24 +103,23 @@ bool closed(const Mesh& mesh) {
   });
 }
 
+PrincipalAxes principal_axes(const Eigen::Matrix3d& inertia) {
+  PrincipalAxes result{.moments = inertia.diagonal()};
+  Eigen::Matrix3d products = inertia;
+  products.diagonal().setZero();
+  if (products.cwiseAbs().maxCoeff() <= kRoundOff * inertia.trace()) return result;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(inertia);
+  result.axes = principal.eigenvectors();
+  if (result.axes.determinant() < 0.0) result.axes.col(2) *= -1.0;
+  result.moments = principal.eigenvalues();
+  return result;
+}
+
 PrincipalFrame move_to_principal_frame(Mesh& mesh) {
   const Solid solid = integrate(mesh);
-  PrincipalFrame result;
-  result.volume = solid.volume;
-  result.frame.position = solid.centre;
-  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
-  result.inertia = solid.inertia.diagonal();
-  Eigen::Matrix3d products = solid.inertia;
-  products.diagonal().setZero();
-  if (products.cwiseAbs().maxCoeff() > kRoundOff * solid.inertia.trace()) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(solid.inertia);
-    axes = principal.eigenvectors();
-    if (axes.determinant() < 0.0) axes.col(2) *= -1.0;
-    result.inertia = principal.eigenvalues();
-  }
-  result.frame.orientation = Quat(axes).normalized();
-  for (Vec3& v : mesh.vertices) v = axes.transpose() * (v - solid.centre);
-  return result;
+  const PrincipalAxes principal = principal_axes(solid.inertia);
+  for (Vec3& v : mesh.vertices) v = principal.axes.transpose() * (v - solid.centre);
+  return {{solid.centre, Quat(principal.axes).normalized()}, solid.volume, principal.moments};
 }
 
 }  // namespace subworld

@@ -22,6 +22,13 @@ struct Solid {
 /// Integrates over the tetrahedra of each triangle and the first vertex (exact for polyhedra).
 [[nodiscard]] Solid integrate(const Mesh& mesh) noexcept;
 
+/// Axes (columns, right-handed) and moments of a tensor. Axes that are already principal stay as they are.
+struct PrincipalAxes {
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+  Vec3 moments = Vec3::Zero();
+};
+[[nodiscard]] PrincipalAxes principal_axes(const Eigen::Matrix3d& inertia);
+
 /// True if every edge joins exactly two triangles that pass it in opposite directions.
 [[nodiscard]] bool closed(const Mesh& mesh);
 
@@ -30,7 +37,7 @@ struct Solid {
 [[nodiscard]] Mesh convex_hull(const Mesh& mesh);
 
 /// Moves and turns the vertices so that the mesh frame is principal and at the centre of mass. Returns the pose of the
-/// new frame in the old one. Axes that are already principal stay as they are.
+/// new frame in the old one.
 struct PrincipalFrame {
   Pose frame;
   double volume = 0.0;

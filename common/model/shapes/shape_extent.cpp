@@ -35,14 +35,29 @@ Box around(const Mesh& mesh, const BodyState& state) {
   return box;
 }
 
+/// Parts of a compound shape; none where a message has brought it.
+std::span<const Part> parts_of(const Shape& shape, std::span<const Mesh> meshes) {
+  if (shape.kind != ShapeKind::compound || shape.mesh >= meshes.size()) return {};
+  return meshes[shape.mesh].parts;
+}
+
 }  // namespace
 
 Box bounds(const Shape& shape, const BodyState& state, std::span<const Mesh> meshes) {
+  if (const auto parts = parts_of(shape, meshes); !parts.empty()) {
+    Box box{Vec3::Constant(kFar_m), Vec3::Constant(-kFar_m)};
+    for (const Part& part : parts) {
+      const Pose at = Pose{state.position, state.orientation} * part.pose;
+      box.extend(bounds(part.shape, {at.position, at.orientation}, meshes));
+    }
+    return box;
+  }
   switch (shape.kind) {
     case ShapeKind::plane:
       return {Vec3::Constant(-kFar_m), Vec3::Constant(kFar_m)};
     case ShapeKind::convex:
     case ShapeKind::mesh:
+    case ShapeKind::compound:
       return around(meshes[shape.mesh], state);
     default:
       break;
@@ -52,6 +67,12 @@ Box bounds(const Shape& shape, const BodyState& state, std::span<const Mesh> mes
 }
 
 double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcept {
+  if (const auto parts = parts_of(shape, meshes); !parts.empty()) {
+    double most = 0.0;
+    for (const Part& part : parts)
+      most = std::max(most, part.pose.position.norm() + bounding_radius(part.shape, meshes));
+    return most;
+  }
   switch (shape.kind) {
     case ShapeKind::sphere:
       return shape.radius;
@@ -65,6 +86,7 @@ double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcep
       return kFar_m;
     case ShapeKind::convex:
     case ShapeKind::mesh:
+    case ShapeKind::compound:
       break;
   }
   if (shape.mesh >= meshes.size()) return 0.0;
@@ -78,6 +100,11 @@ double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcep
 double thickness(const Shape& shape, std::span<const Mesh> meshes) {
   if (shape.kind == ShapeKind::plane) return kFar_m;
   if (shape.kind == ShapeKind::mesh) return 0.0;
+  if (const auto parts = parts_of(shape, meshes); !parts.empty()) {
+    double least = kFar_m;
+    for (const Part& part : parts) least = std::min(least, thickness(part.shape, meshes));
+    return least;
+  }
   const Box box = bounds(shape, {}, meshes);
   return (box.upper - box.lower).minCoeff();
 }

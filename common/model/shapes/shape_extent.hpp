@@ -13,7 +13,8 @@ namespace subworld {
 /// missing.
 [[nodiscard]] double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcept;
 
-/// The shape's least extent along the axes of the body frame, m: infinite for a plane, zero for a triangle mesh.
+/// The shape's least extent along the axes of the body frame, m: infinite for a plane, zero for a triangle mesh, that
+/// of its thinnest part for a compound body.
 [[nodiscard]] double thickness(const Shape& shape, std::span<const Mesh> meshes);
 
 }  // namespace subworld

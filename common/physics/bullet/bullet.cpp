@@ -2,6 +2,7 @@
 #include "physics/bullet/contacts/box_box.hpp"
 #include "physics/bullet/contacts/box_plane.hpp"
 #include "physics/bullet/contacts/convex_contacts.hpp"
+#include "physics/bullet/parts.hpp"
 #include "physics/bullet/shapes.hpp"
 #include "physics/bullet/small_steps.hpp"
 #include "physics/bullet/solver/contact_solver.hpp"
@@ -70,6 +71,7 @@ constexpr double kTreeMarginRatio = 0.05;
 
 struct Slot : AdapterSlot {
   std::unique_ptr<btRigidBody> body;
+  std::unique_ptr<bullet::Parts> parts;  ///< of a compound body
   bool gyroscopic = false;
   FreeTurn turn;
 };
@@ -138,6 +140,7 @@ class Bullet final : public Adapter<Slot> {
             slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
             slot.body->applyTorque(to_bullet(slot.torque));
             if (slot.gyroscopic) begin_turn(slot, h);
+            if (slot.parts) slot.parts->follow();
           }
           clock_.ends(&EngineTimes::exchange_s);
           world_.stepSimulation(scalar(h), 0);
@@ -158,9 +161,7 @@ class Bullet final : public Adapter<Slot> {
     struct Collect final : btBroadphaseAabbCallback {
       bool process(const btBroadphaseProxy* proxy) override {
         const auto* object = static_cast<const btCollisionObject*>(proxy->m_clientObject);
-        btVector3 lower, upper;
-        object->getCollisionShape()->getAabb(object->getWorldTransform(), lower, upper);
-        if (Box{from_bullet(lower), from_bullet(upper)}.meets(*box)) {
+        if (bullet::box_of(*object).meets(*box)) {
           out->push_back(BodyId{static_cast<std::uint32_t>(object->getUserIndex())});
         }
         return true;
@@ -191,6 +192,8 @@ class Bullet final : public Adapter<Slot> {
     if (!body.rotates) slot.body->setAngularFactor(btVector3(0, 0, 0));
     slot.gyroscopic = body.rotates && !body.fixed() && feels_gyroscopic_torque(body.inertia);
     set_pose(*slot.body, state);
+    if (body.shape.kind == ShapeKind::compound)
+      slot.parts = std::make_unique<bullet::Parts>(*slot.body, shapes_.parts(body.shape), shapes_);
     world_.addRigidBody(slot.body.get(), static_cast<int>(collides.member), static_cast<int>(collides.meets));
     world_.left_contacts().came(*slot.body);
     if (body.fixed()) return;
@@ -205,6 +208,7 @@ class Bullet final : public Adapter<Slot> {
 
   void place(Slot& slot, const BodyState& state) override {
     set_pose(*slot.body, state);
+    if (slot.parts) slot.parts->follow();
     moved_.push_back(BodyId{slot.id});
   }
 
@@ -222,11 +226,7 @@ class Bullet final : public Adapter<Slot> {
     slot.body->applyImpulse(to_bullet(impulse), to_bullet(point) - slot.body->getCenterOfMassPosition());
   }
 
-  static Box bounds_of(const Slot& slot) {
-    btVector3 lower, upper;
-    slot.body->getAabb(lower, upper);
-    return {from_bullet(lower), from_bullet(upper)};
-  }
+  static Box bounds_of(const Slot& slot) { return bullet::box_of(*slot.body); }
 
   btConstraintSolver* chosen_solver() {
     if (values_.small_steps) return &small_steps_;

@@ -102,6 +102,12 @@ ConvexStorage::ConvexStorage(const Shape& shape) {
   }
 }
 
+ConvexStorage::ConvexStorage(double outer_radius, double inner_radius) {
+  convex_.core = Convex::Core::point;
+  convex_.radius = convex_.outer_radius = outer_radius;
+  convex_.inner_radius = inner_radius;
+}
+
 ConvexStorage::ConvexStorage(const Mesh& mesh) {
   const Mesh hull = convex_hull(mesh);
   if (hull.triangles.empty()) {

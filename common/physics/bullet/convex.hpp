@@ -47,6 +47,8 @@ class ConvexStorage {
   explicit ConvexStorage(const Shape& shape);
   /// The convex hull of the vertices.
   explicit ConvexStorage(const Mesh& mesh);
+  /// Of a body that is not convex: the ball around it, and the radius of one inside.
+  ConvexStorage(double outer_radius, double inner_radius);
   ConvexStorage(const ConvexStorage&) = delete;
   ConvexStorage& operator=(const ConvexStorage&) = delete;
 

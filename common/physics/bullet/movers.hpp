@@ -43,12 +43,16 @@ struct ContactPair {
   btScalar friction;  ///< mu, as given
   bool rubs;          ///< has friction rows
 };
-/// `first_point`: index of the pair's first point; `all_rub`: contacts without friction have friction rows too.
+/// The manifold has points. `first_point`: index of the pair's first point; `all_rub`: contacts without friction have
+/// friction rows too.
 [[nodiscard]] inline ContactPair make_pair_of(btPersistentManifold& manifold, std::span<const Mover> movers,
                                               std::size_t first_point, bool all_rub) {
   const btCollisionObject &first = *manifold.getBody0(), &second = *manifold.getBody1();
   const auto a = static_cast<std::uint32_t>(mover_of(first)), b = static_cast<std::uint32_t>(mover_of(second));
-  const btScalar friction = first.getFriction() * second.getFriction();
+  // The points of a part know its own material.
+  const bool has_parts = first.getCollisionShape()->isCompound() || second.getCollisionShape()->isCompound();
+  const btScalar friction =
+      has_parts ? manifold.getContactPoint(0).m_combinedFriction : first.getFriction() * second.getFriction();
   return {.manifold = &manifold,
           .a = a,
           .b = b,

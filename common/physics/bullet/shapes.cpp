@@ -1,6 +1,7 @@
 #include "physics/bullet/shapes.hpp"
 
 #include "model/error.hpp"
+#include "model/shapes/shape_extent.hpp"
 #include "physics/adapter.hpp"
 
 namespace subworld::bullet {
@@ -45,6 +46,18 @@ std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
       triangles_.push_back(std::move(triangles));
       return tree;
     }
+    case ShapeKind::compound: {
+      auto compound = std::make_unique<btCompoundShape>(false);
+      for (const Part& part : mesh_of(shape, meshes_).parts) {
+        compound->addChildShape(btTransform(to_bullet(part.pose.orientation), to_bullet(part.pose.position)),
+                                get(part.shape));
+      }
+      compound->setMargin(0);
+      const double around_m = bounding_radius(shape, meshes_), inside_m = 0.5 * thickness(shape, meshes_);
+      const auto& ball = surfaces_.emplace_back(std::make_unique<ConvexStorage>(around_m, inside_m))->get();
+      compound->setUserPointer(const_cast<Convex*>(&ball));
+      return compound;
+    }
   }
   throw Error(ExitCode::usage, "Bullet does not know this kind of shape");
 }
@@ -56,8 +69,7 @@ btCollisionShape* ShapeStore::get(const Shape& shape) {
   auto& found = shapes_[key];
   if (found) return found.get();
   found = make(shape);
-  const bool simple =
-      shape.kind != ShapeKind::plane && shape.kind != ShapeKind::convex && shape.kind != ShapeKind::mesh;
+  const bool simple = shape.kind != ShapeKind::plane && shape.kind < ShapeKind::convex;
   if (simple) {
     found->setUserPointer(const_cast<Convex*>(&surfaces_.emplace_back(std::make_unique<ConvexStorage>(shape))->get()));
   }

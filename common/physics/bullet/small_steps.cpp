@@ -109,7 +109,7 @@ void SmallStepSolver::prepare_pair(btPersistentManifold& manifold) {
   const btCollisionObject &first = *manifold.getBody0(), &second = *manifold.getBody1();
   if (mover_of(first) == kFixed && mover_of(second) == kFixed) return;
   Pair& pair = pairs_.emplace_back(make_pair_of(manifold, movers_, points_.size(), keeps_frictionless_));
-  pair.restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
+  pair.restitution = manifold.getContactPoint(0).m_combinedRestitution;
   const BothInertia inertia = inertia_of(movers_[pair.a], movers_[pair.b]);
   const BothMotion by_forces = gather(by_loads(movers_[pair.a]), by_loads(movers_[pair.b]));
   for (int i = 0; i < manifold.getNumContacts(); ++i) {

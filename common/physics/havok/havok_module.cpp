@@ -113,6 +113,8 @@ Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> mesh
     case ShapeKind::mesh:
       result = make_from_mesh(module, shape, meshes, out);
       break;
+    case ShapeKind::compound:
+      refuse_compound("havok");
   }
   check(result, "making a shape");
   return scratch.get<Handle>(out);

@@ -15,7 +15,14 @@ void make_body(Slot& slot, dWorldID world) {
   dBodySetFiniteRotationMode(slot.body, 1);
   dBodySetGyroscopicMode(slot.body, 0);  // the adapter's own term conserves the energy
   set_mass(slot);
-  dGeomSetBody(slot.geom, slot.body);
+  for (const Piece& piece : slot.pieces) {
+    dGeomSetBody(piece.geom, slot.body);
+    if (slot.shape_kind != ShapeKind::compound) continue;
+    const auto& [position, turn] = piece.part.pose;
+    const dQuaternion wxyz{turn.w(), turn.x(), turn.y(), turn.z()};
+    dGeomSetOffsetPosition(piece.geom, position.x(), position.y(), position.z());
+    dGeomSetOffsetQuaternion(piece.geom, wxyz);
+  }
 }
 
 void set_mass(Slot& slot) {
@@ -37,6 +44,11 @@ BodyState state_of(const Slot& slot) {
   const dReal* q = dBodyGetQuaternion(slot.body);
   return {from_ode(dBodyGetPosition(slot.body)), Quat(q[0], q[1], q[2], q[3]), from_ode(dBodyGetLinearVel(slot.body)),
           from_ode(dBodyGetAngularVel(slot.body))};
+}
+
+Pose pose_of(const Slot& slot, const Piece& piece) {
+  const BodyState s = state_of(slot);
+  return Pose{s.position, s.orientation} * piece.part.pose;
 }
 
 void set_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) {
@@ -61,12 +73,16 @@ void place(Slot& slot, const BodyState& state) {
     dBodySetPosition(slot.body, p.x(), p.y(), p.z());
   } else if (slot.shape_kind == ShapeKind::plane) {
     const Vec3 normal = q * Vec3::UnitZ();
-    dGeomPlaneSetParams(slot.geom, normal.x(), normal.y(), normal.z(), normal.dot(p));
+    dGeomPlaneSetParams(slot.pieces[0].geom, normal.x(), normal.y(), normal.z(), normal.dot(p));
   } else {
-    for (const dGeomID geom : {slot.geom, slot.back}) {
-      if (geom == nullptr) continue;
-      dGeomSetPosition(geom, p.x(), p.y(), p.z());
-      dGeomSetQuaternion(geom, wxyz);
+    for (const Piece& piece : slot.pieces) {
+      const auto [at, turn] = Pose{p, q} * piece.part.pose;
+      const dQuaternion turned{turn.w(), turn.x(), turn.y(), turn.z()};
+      for (const dGeomID geom : {piece.geom, piece.back}) {
+        if (geom == nullptr) continue;
+        dGeomSetPosition(geom, at.x(), at.y(), at.z());
+        dGeomSetQuaternion(geom, turned);
+      }
     }
   }
   slot.kept = state;

@@ -4,19 +4,26 @@
 
 #include <ode/ode.h>
 
+#include <vector>
+
 namespace subworld::ode {
 
 inline Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-struct Slot : AdapterSlot {
-  Shape shape;
+/// A part of a compound body, or the whole of any other.
+struct Piece {
+  Part part;
   dGeomID geom = nullptr;
   dGeomID back = nullptr;  ///< of a mesh, not in ODE's space: the same triangles seen from behind
+};
+
+struct Slot : AdapterSlot {
+  std::vector<Piece> pieces;
   dBodyID body = nullptr;  ///< null: fixed
   BodyState kept;          ///< of a fixed body; of a body that does not rotate: its state before the step
 };
 
-/// Makes the dBody of a slot that has a geometry.
+/// Makes the dBody of a slot that has geometries.
 void make_body(Slot& slot, dWorldID world);
 /// Passes the slot's mass and inertia to ODE.
 void set_mass(Slot& slot);
@@ -24,6 +31,7 @@ void set_mass(Slot& slot);
 [[nodiscard]] Eigen::Matrix3d inverse_inertia(const Slot& slot);
 
 [[nodiscard]] BodyState state_of(const Slot& slot);
+[[nodiscard]] Pose pose_of(const Slot& slot, const Piece& piece);
 /// Exact: state_of() returns the same bits.
 void place(Slot& slot, const BodyState& state);
 void set_velocity(Slot& slot, const Vec3& linear, const Vec3& angular);

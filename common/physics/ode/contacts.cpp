@@ -18,11 +18,10 @@ constexpr double kSliding = 1e-4;      ///< m/s; slower contacts count as sticki
 constexpr double kSamePlace = 0.01;    ///< m, largest motion of one contact point between two steps
 constexpr double kQuietImpact = 1e-3;  ///< m/s; an impact below this plus twice the step's gravity does not bounce
 
-using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+using Pairs = std::vector<std::pair<Number, Number>>;
 
-Solid solid(const Slot& slot, const ShapeStore& shapes) {
-  const BodyState s = state_of(slot);
-  return {&slot.shape, {s.position, s.orientation}, shapes.hull_points(slot.shape)};
+Solid solid(const Slot& slot, const Piece& piece, const ShapeStore& shapes) {
+  return {&piece.part.shape, pose_of(slot, piece), shapes.hull_points(piece.part.shape)};
 }
 
 /// Leaves the deepest point and those that differ most in place and normal; the number of points that are left.
@@ -50,13 +49,13 @@ std::size_t spread(std::span<dContactGeom> points) {
   return kMostPoints;
 }
 
-/// ODE's points of two bodies; their number.
-int collide(const Slot& a, const Slot& b, std::span<dContactGeom> found) {
-  const int most = most_points(a.shape_kind, b.shape_kind);
+/// ODE's points of two pieces; their number.
+int collide(const Piece& a, const Piece& b, std::span<dContactGeom> found) {
+  const int most = most_points(a.part.shape.kind, b.part.shape.kind);
   int count = dCollide(a.geom, b.geom, most, found.data(), sizeof(dContactGeom));
   if (a.back == nullptr && b.back == nullptr) return count;
   // For a box, ODE's triangles have two sides.
-  if (a.shape_kind != ShapeKind::box && b.shape_kind != ShapeKind::box) {
+  if (a.part.shape.kind != ShapeKind::box && b.part.shape.kind != ShapeKind::box) {
     count += dCollide(a.back ? a.back : a.geom, b.back ? b.back : b.geom, most, &found[static_cast<std::size_t>(count)],
                       sizeof(dContactGeom));
   }
@@ -81,34 +80,34 @@ ContactPoints::ContactPoints(dWorldID world, dSpaceID space, const std::vector<S
 void ContactPoints::find() {
   pairs_.clear();
   dSpaceCollide(space_, &pairs_, [](void* self, dGeomID first, dGeomID second) {
-    const auto id = [](dGeomID geom) {
-      return static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(dGeomGetData(geom)));
-    };
-    static_cast<Pairs*>(self)->push_back(std::minmax({id(first), id(second)}));
+    static_cast<Pairs*>(self)->push_back(std::minmax({Number::of(first), Number::of(second)}));
   });
   std::sort(pairs_.begin(), pairs_.end());
   points_.clear();
-  for (const auto& [a, b] : pairs_) {
-    const ShapeKind kind_a = slots_[a].shape_kind;
-    const ShapeKind kind_b = slots_[b].shape_kind;
+  for (const auto& [number_a, number_b] : pairs_) {
+    const auto [a, b] = std::pair(number_a.body, number_b.body);
+    const Piece &piece_a = slots_[a].pieces[number_a.piece], &piece_b = slots_[b].pieces[number_b.piece];
+    const ShapeKind kind_a = piece_a.part.shape.kind, kind_b = piece_b.part.shape.kind;
     const double skins = skin(kind_a) + skin(kind_b);
-    auto found = std::span(found_).first(static_cast<std::size_t>(collide(slots_[a], slots_[b], found_)));
+    const auto add = [&](const Vec3& point, const Vec3& normal, double depth) {
+      points_.push_back({a, b, &piece_a.part.material, &piece_b.part.material, point, normal, skins - depth});
+    };
+    auto found = std::span(found_).first(static_cast<std::size_t>(collide(piece_a, piece_b, found_)));
     if (found.empty()) continue;
     if (needs_patch(kind_a, kind_b)) {
       Vec3 normal = from_ode(found[0].normal);
-      const auto touching = patch(solid(slots_[a], shapes_), solid(slots_[b], shapes_), normal);
-      for (const auto& [point, depth] : touching) points_.push_back({a, b, point, normal, skins - depth});
+      const auto touching = patch(solid(slots_[a], piece_a, shapes_), solid(slots_[b], piece_b, shapes_), normal);
+      for (const auto& [point, depth] : touching) add(point, normal, depth);
       if (!touching.empty()) continue;
     }
     if (kind_a == ShapeKind::mesh || kind_b == ShapeKind::mesh) {
       const bool first = kind_b == ShapeKind::mesh;
-      const Slot& body = slots_[first ? a : b];
-      if (body.shape_kind != ShapeKind::sphere)
-        found = mesh_points_.refine(solid(body, shapes_), body.geom, first, found);
+      const Piece& piece = first ? piece_a : piece_b;
+      if (piece.part.shape.kind != ShapeKind::sphere)
+        found = mesh_points_.refine(solid(slots_[first ? a : b], piece, shapes_), piece.geom, first, found);
       found = found.first(spread(found));
     }
-    for (const dContactGeom& point : found)
-      points_.push_back({a, b, from_ode(point.pos), from_ode(point.normal), skins - point.depth});
+    for (const dContactGeom& point : found) add(from_ode(point.pos), from_ode(point.normal), point.depth);
   }
 }
 
@@ -118,8 +117,7 @@ void ContactPoints::make_joints(double h) {
   const double slow = kSliding + 0.5 * gravity_ * h;  // speed below which a contact may stop within the step
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const ContactPoint& point = points_[i];
-    const Material& ma = slots_[point.a].material;
-    const Material& mb = slots_[point.b].material;
+    const Material &ma = *point.on_a, &mb = *point.on_b;
     const Vec3 velocity = relative_velocity(point);
     const double approach = -velocity.dot(point.normal);
     dContact contact{};

@@ -6,15 +6,30 @@
 #include "physics/contact_totals.hpp"
 #include "shapes.hpp"
 
+#include <compare>
+#include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
 
 namespace subworld::ode {
 
+/// A piece of a body, as the data of its geometry.
+struct Number {
+  std::uint32_t body, piece;
+
+  [[nodiscard]] std::uint64_t packed() const noexcept { return std::uint64_t{body} << 32 | piece; }
+  [[nodiscard]] static Number of(dGeomID geom) {
+    const std::uint64_t packed = reinterpret_cast<std::uintptr_t>(dGeomGetData(geom));
+    return {static_cast<std::uint32_t>(packed >> 32), static_cast<std::uint32_t>(packed)};
+  }
+  [[nodiscard]] auto operator<=>(const Number&) const = default;
+};
+
 /// A contact point of two bodies, with shapes that are enlarged by 10 micrometres each.
 struct ContactPoint {
   std::uint32_t a, b;
+  const Material *on_a, *on_b;
   Vec3 point, normal;  ///< normal from b to a
   double distance;     ///< m, of the exact shapes
 };
@@ -51,7 +66,7 @@ class ContactPoints {
   const ShapeStore& shapes_;
   double gravity_;
   dJointGroupID joints_;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
+  std::vector<std::pair<Number, Number>> pairs_;
   std::vector<dContactGeom> found_;  ///< of one pair, in ODE's format
   MeshPoints mesh_points_;
   std::vector<ContactPoint> points_;

@@ -119,10 +119,15 @@ class Ode final : public Adapter<Slot> {
   Box bounds(BodyId id) const override {
     const Slot& slot = at(id);
     if (slot.shape_kind == ShapeKind::plane) return {Vec3::Constant(-kEverywhere), Vec3::Constant(kEverywhere)};
-    std::array<dReal, 6> box;
-    dGeomGetAABB(slot.geom, box.data());
-    const double skin = ode::skin(slot.shape_kind);
-    return {Vec3(box[0], box[2], box[4]).array() + skin, Vec3(box[1], box[3], box[5]).array() - skin};
+    Box around;
+    for (const ode::Piece& piece : slot.pieces) {
+      std::array<dReal, 6> box;
+      dGeomGetAABB(piece.geom, box.data());
+      const double skin = ode::skin(piece.part.shape.kind);
+      const Box one{Vec3(box[0], box[2], box[4]).array() + skin, Vec3(box[1], box[3], box[5]).array() - skin};
+      &piece == slot.pieces.data() ? void(around = one) : around.extend(one);
+    }
+    return around;
   }
 
  private:
@@ -131,20 +136,26 @@ class Ode final : public Adapter<Slot> {
     if (!body.fixed() && ode::skin(body.shape.kind) == 0.0) {
       throw Error(ExitCode::usage, fmt::format("body {}: a plane or mesh cannot move; give it mass 0", slot.id));
     }
-    slot.geom = shapes_.make(body.shape);
-    slot.back = shapes_.make_back(body.shape);
-    slot.shape = body.shape;
-    dGeomSetData(slot.geom, reinterpret_cast<void*>(static_cast<std::uintptr_t>(slot.id)));
-    dGeomSetCategoryBits(slot.geom, collides.member);
-    dGeomSetCollideBits(slot.geom, collides.meets);
-    dSpaceAdd(space_, slot.geom);
+    const Part whole{body.shape, {}, body.material};
+    const bool compound = body.shape.kind == ShapeKind::compound;
+    for (const Part& part : compound ? shapes_.parts(body.shape) : std::span(&whole, 1)) {
+      const std::uint64_t number = ode::Number{slot.id, static_cast<std::uint32_t>(slot.pieces.size())}.packed();
+      const ode::Piece& piece =
+          slot.pieces.emplace_back(ode::Piece{part, shapes_.make(part.shape), shapes_.make_back(part.shape)});
+      dGeomSetData(piece.geom, reinterpret_cast<void*>(static_cast<std::uintptr_t>(number)));
+      dGeomSetCategoryBits(piece.geom, collides.member);
+      dGeomSetCollideBits(piece.geom, collides.meets);
+      dSpaceAdd(space_, piece.geom);
+    }
     if (!body.fixed()) ode::make_body(slot, world_);
     ode::place(slot, state);
   }
 
   static void remove_from_ode(Slot& slot) {
-    dGeomDestroy(slot.geom);
-    if (slot.back) dGeomDestroy(slot.back);
+    for (const ode::Piece& piece : slot.pieces) {
+      dGeomDestroy(piece.geom);
+      if (piece.back) dGeomDestroy(piece.back);
+    }
     if (slot.body) dBodyDestroy(slot.body);
   }
 
@@ -179,7 +190,7 @@ class Ode final : public Adapter<Slot> {
   /// ODE solves bodies in the order in which they were made.
   void reorder(std::span<const std::uint32_t> ids) override {
     for (const std::uint32_t id : ids) {
-      dGeomSetBody(slots_[id].geom, nullptr);
+      for (const ode::Piece& piece : slots_[id].pieces) dGeomSetBody(piece.geom, nullptr);
       dBodyDestroy(slots_[id].body);
       ode::make_body(slots_[id], world_);
     }

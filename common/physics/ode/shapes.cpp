@@ -90,6 +90,8 @@ std::span<const double> ShapeStore::hull_points(const Shape& shape) const {
   return hulls_.at(shape.mesh).points;
 }
 
+std::span<const Part> ShapeStore::parts(const Shape& shape) const { return mesh_of(shape, meshes_).parts; }
+
 dGeomID ShapeStore::make_back(const Shape& shape) {
   if (shape.kind != ShapeKind::mesh) return nullptr;
   return dCreateTriMesh(nullptr, triangles(shape, true).data, nullptr, nullptr, nullptr);
@@ -121,6 +123,8 @@ dGeomID ShapeStore::make(const Shape& shape) {
     }
     case ShapeKind::mesh:
       return dCreateTriMesh(nullptr, triangles(shape, false).data, nullptr, nullptr, nullptr);
+    case ShapeKind::compound:
+      break;
   }
   throw Error(ExitCode::usage, "ODE does not know this kind of shape");
 }

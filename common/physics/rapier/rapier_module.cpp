@@ -101,6 +101,8 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
     case ShapeKind::convex:
     case ShapeKind::mesh:
       break;
+    case ShapeKind::compound:
+      refuse_compound("rapier");
   }
   const Mesh& mesh = mesh_of(shape, meshes);
   const Address vertices = copy<Float3>(to_module(mesh.vertices));  // the module frees its arguments

@@ -31,6 +31,7 @@ Vec3 half_dimensions(const Scene& scene, const Shape& shape) {
       return Vec3::Constant(std::numeric_limits<double>::infinity());
     case ShapeKind::convex:
     case ShapeKind::mesh:
+    case ShapeKind::compound:
       break;
   }
   Vec3 half = Vec3::Zero();

@@ -52,7 +52,8 @@ double reach_m(const Scene& scene, const Shape& shape, const Quat& orientation, 
     case ShapeKind::cylinder:
       return across * shape.radius + std::abs(d.z()) * shape.half_length;
     case ShapeKind::convex:
-    case ShapeKind::mesh: {
+    case ShapeKind::mesh:
+    case ShapeKind::compound: {
       double most = -INFINITY;
       for (const Vec3& v : scene.meshes[shape.mesh].vertices) most = std::max(most, d.dot(v));
       return most;

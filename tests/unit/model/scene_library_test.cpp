@@ -423,7 +423,7 @@ TEST(Example, LoadsWithEveryShapeGroupAndPath) {
   const Scene scene = load("example");
   std::set<ShapeKind> shapes;
   for (const Body& body : scene.bodies) shapes.insert(body.shape.kind);
-  EXPECT_EQ(shapes.size(), 7U);
+  EXPECT_EQ(shapes.size(), 8U);
   EXPECT_EQ(scene.users.size(), 2U);
   EXPECT_EQ(scene.users[1].device.kind, DeviceKind::admittance);
   EXPECT_EQ(scene.settings.world.iterations, 50);

@@ -23,7 +23,8 @@ double extent(const Shape& shape, std::span<const Mesh> meshes, const Vec3& alon
       return shape.radius + shape.half_length * std::abs(along.z());
     case ShapeKind::cylinder:
       return shape.radius * along.head<2>().norm() + shape.half_length * std::abs(along.z());
-    case ShapeKind::convex: {
+    case ShapeKind::convex:
+    case ShapeKind::compound: {
       double most = 0.0;
       for (const Vec3& vertex : meshes[shape.mesh].vertices) most = std::max(most, along.dot(vertex));
       return most;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "physics/bullet/contacts/contact_points.hpp"
+#include "physics/bullet/parts.hpp"
 
 #include <BulletCollision/CollisionDispatch/btCollisionCreateFunc.h>
 #include <BulletCollision/CollisionDispatch/btCollisionDispatcher.h>
@@ -35,12 +36,20 @@ class ContactAlgorithm : public btCollisionAlgorithm {
   bool swapped_;
 };
 
+/// For contacts of two bodies or parts: they act on the bodies.
+[[nodiscard]] inline btPersistentManifold* new_manifold(btDispatcher& dispatcher, const btCollisionObject& a,
+                                                        const btCollisionObject& b) {
+  btPersistentManifold* const made = dispatcher.getNewManifold(&a, &b);
+  made->setBodies(&owner_of(a), &owner_of(b));
+  return made;
+}
+
 /// An algorithm whose contacts are in one manifold.
 class OneManifold : public ContactAlgorithm {
  public:
   OneManifold(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
               bool swapped)
-      : ContactAlgorithm(info, swapped), manifold_(m_dispatcher->getNewManifold(&a, &b)) {}
+      : ContactAlgorithm(info, swapped), manifold_(new_manifold(*m_dispatcher, a, b)) {}
   ~OneManifold() override { m_dispatcher->releaseManifold(manifold_); }
   void getAllContactManifolds(btManifoldArray& all) final { all.push_back(manifold_); }
 

@@ -1,5 +1,7 @@
 #include "physics/bullet/contacts/contact_points.hpp"
 
+#include "physics/bullet/parts.hpp"
+
 #include <optional>
 
 namespace subworld::bullet {
@@ -25,6 +27,7 @@ std::span<const LastPoint> ManifoldWriter::take(std::array<LastPoint, kMostPoint
 // other, the last one remains. Friction comes from both materials, without Bullet's limit of 10.
 void ManifoldWriter::put(const Points& found, const btCollisionObject& first, const btCollisionObject& second,
                          btScalar farthest) {
+  const btTransform &pose_a = owner_of(first).getWorldTransform(), &pose_b = owner_of(second).getWorldTransform();
   const btScalar friction = first.getFriction() * second.getFriction();
   const btScalar restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
   btVector3 lateral_1, lateral_2;
@@ -33,10 +36,10 @@ void ManifoldWriter::put(const Points& found, const btCollisionObject& first, co
     const auto& [on_b, distance, feature, aside] = found.points[i];
     if (distance > farthest) continue;
     const btVector3 on_a = on_b + found.normal * distance + aside;
-    const btVector3 local_a = first.getWorldTransform().invXform(on_a);
+    const btVector3 local_a = pose_a.invXform(on_a);
     btManifoldPoint& point = manifold_.getContactPoint(place_for(local_a));
     point.m_localPointA = local_a;
-    point.m_localPointB = second.getWorldTransform().invXform(on_b);
+    point.m_localPointB = pose_b.invXform(on_b);
     point.m_positionWorldOnA = on_a;
     point.m_positionWorldOnB = on_b;
     point.m_normalWorldOnB = found.normal;

@@ -105,6 +105,7 @@ void register_convex_contacts(btCollisionDispatcher& dispatcher) {
     dispatcher.registerCollisionCreateFunc(STATIC_PLANE_PROXYTYPE, one, &swapped_plane);
   }
   register_mesh_contacts(dispatcher);
+  register_compound_contacts(dispatcher, plane);
 }
 
 }  // namespace subworld::bullet

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <BulletCollision/CollisionDispatch/btCollisionCreateFunc.h>
 #include <BulletCollision/CollisionDispatch/btCollisionDispatcher.h>
 #include <BulletCollision/CollisionDispatch/btDefaultCollisionConfiguration.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
@@ -20,5 +21,7 @@ void look_ahead(btPersistentManifold& manifold, const btCollisionObject& a, cons
 void register_convex_contacts(btCollisionDispatcher& dispatcher);
 /// The part of register_convex_contacts() that is for meshes.
 void register_mesh_contacts(btCollisionDispatcher& dispatcher);
+/// The part of it that is for compound shapes. `convex_and_plane` makes the contacts of a part with a plane.
+void register_compound_contacts(btCollisionDispatcher& dispatcher, btCollisionAlgorithmCreateFunc& convex_and_plane);
 
 }  // namespace subworld::bullet

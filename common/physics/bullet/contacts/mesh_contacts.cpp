@@ -20,7 +20,7 @@ class ConvexMesh final : public ContactAlgorithm {
   ConvexMesh(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObject& a, const btCollisionObject& b,
              bool swapped)
       : ContactAlgorithm(info, swapped), same_(same_within(a, b)), pair_(a, b) {
-    for (auto& manifold : manifolds_) manifold = m_dispatcher->getNewManifold(&a, &b);
+    for (auto& manifold : manifolds_) manifold = new_manifold(*m_dispatcher, a, b);
     nearby_.reserve(kUsuallyNear);
     reach_ = manifolds_[0]->getContactBreakingThreshold();
   }
