@@ -35,7 +35,7 @@ struct Material {
 };
 
 /// A part of a compound body: none with parts of its own, no plane, no triangles.
-struct Part {
+struct BodyPart {
   Shape shape;
   Pose pose;  ///< in the body frame
   Material material;
@@ -46,7 +46,7 @@ struct Mesh {
   std::string file;            ///< path as given in the scene; empty: of parts
   std::vector<Vec3> vertices;  ///< m
   std::vector<std::array<std::uint32_t, 3>> triangles;
-  std::vector<Part> parts;  ///< what collides in place of the triangles; not in messages
+  std::vector<BodyPart> parts;  ///< what collides in place of the triangles; not in messages
 };
 
 /// Properties that stay constant while a body moves.

@@ -38,12 +38,16 @@ struct SolidShape {
   double bounding_radius = 0.0;        ///< m, about the body's origin
 };
 
+inline constexpr Limits kLength{.least = 1e-6, .most = 1e6};   ///< m
 inline constexpr Limits kPlace{.least = -1e6, .most = 1e6};    ///< m
 inline constexpr Limits kMass{.least = 1e-9, .most = 1e12};    ///< kg
 inline constexpr Limits kDensity{.least = 1e-6, .most = 1e9};  ///< kg/m^3
 
 /// The key `rotation`; none where it is missing.
 [[nodiscard]] Quat read_rotation(const YamlMap& map);
+
+/// A hull that encloses something. Moves the mesh to its principal frame. Throws at `place`.
+[[nodiscard]] SolidShape convex_solid(const YamlValue& place, Mesh& mesh);
 
 /// Throws if the map has a measure of another shape.
 void forbid_other_measures(const YamlMap& map, std::string_view shape);
@@ -73,6 +77,12 @@ class BodyReader {
   [[nodiscard]] Material read_material(const YamlMap& map) const;
   [[nodiscard]] SolidShape read_shape(const YamlMap& map, bool fixed);
   [[nodiscard]] SolidShape read_mesh_shape(const YamlMap& map, ShapeKind kind);
+  /// The solids of a part; there are several of a tube.
+  struct PartShape {
+    SolidShape solid;
+    std::vector<Pose> places;
+  };
+  [[nodiscard]] PartShape read_part_shape(const YamlMap& part);
   [[nodiscard]] SolidShape read_compound(const YamlMap& map, bool fixed);
   [[nodiscard]] Layout read_repeat(const YamlMap& body, const SolidShape& solid) const;
   void require_room(const YamlValue& value, std::int64_t count) const;

@@ -13,17 +13,17 @@ namespace subworld {
 
 namespace {
 
-constexpr Limits kLength{.least = 1e-6, .most = 1e6};  // m
-constexpr std::size_t kMostHullVertices = 10'000;      // the hull's time is quadratic in the vertices
+constexpr std::size_t kMostHullVertices = 10'000;  // the hull's time is quadratic in the vertices
 const std::initializer_list<std::string_view> kShapes = {"sphere", "box",  "capsule",  "cylinder", "plane",
                                                          "convex", "mesh", "compound", "bin"};
 
 /// The measures of each shape.
 constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {
     {"size_m", "box bin"},
-    {"radius_m", "sphere capsule cylinder"},
-    {"length_m", "capsule cylinder"},
-    {"wall_m", "bin"},
+    {"radius_m", "sphere capsule cylinder tube"},
+    {"length_m", "capsule cylinder tube"},
+    {"wall_m", "bin tube"},
+    {"sides", "tube"},
     {"file", "convex mesh"},
     {"scale", "convex mesh"},
     {"up", "convex mesh"},
@@ -41,6 +41,8 @@ SolidShape primitive(const Shape& shape) {
   solid.bounding_radius = bounding_radius(shape, {});
   return solid;
 }
+
+}  // namespace
 
 SolidShape convex_solid(const YamlValue& place, Mesh& mesh) {
   if (mesh.vertices.size() > kMostHullVertices) {
@@ -61,8 +63,6 @@ SolidShape convex_solid(const YamlValue& place, Mesh& mesh) {
   }
   return solid;
 }
-
-}  // namespace
 
 void forbid_other_measures(const YamlMap& map, std::string_view shape) {
   for (const auto& [key, shapes] : kMeasures) {

@@ -49,7 +49,7 @@ class Hasher {
     for (const T& item : list) put(item);
   }
   void put(const Mesh& m) { add(m.vertices, m.triangles, m.parts); }
-  void put(const Part& p) {
+  void put(const BodyPart& p) {
     put(p.shape);
     add(p.pose.position, p.pose.orientation, p.material.friction, p.material.restitution);
   }

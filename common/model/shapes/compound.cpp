@@ -8,8 +8,8 @@ namespace subworld {
 
 namespace {
 
-constexpr std::uint32_t kSides = 24;   ///< of a round surface
-constexpr std::uint32_t kRings = 6;    ///< of a half ball
+constexpr std::uint32_t kSides = 24;  ///< of a round surface
+constexpr std::uint32_t kRings = 6;   ///< of a half ball
 
 /// Distances from the axis and heights of a surface of revolution, downwards; the ends are on the axis.
 using Outline = std::vector<Eigen::Vector2d>;
@@ -84,15 +84,13 @@ Compound assemble(std::span<const WeightedPart> parts, std::span<const Mesh> mes
   const Quat back = whole.frame.orientation.conjugate();
   const Pose from_parts{back * -whole.frame.position, back};
   for (const WeightedPart& one : parts) {
-    Part& part = whole.mesh.parts.emplace_back(one.part);
+    BodyPart& part = whole.mesh.parts.emplace_back(one.part);
     part.pose = from_parts * one.part.pose;
     part.pose.orientation.normalize();
     const Mesh around = surface(part.shape, meshes);
     const auto first = static_cast<std::uint32_t>(whole.mesh.vertices.size());
-    for (const Vec3& v : around.vertices)
-      whole.mesh.vertices.push_back(part.pose.position + part.pose.orientation * v);
-    for (const auto& [a, b, c] : around.triangles)
-      whole.mesh.triangles.push_back({first + a, first + b, first + c});
+    for (const Vec3& v : around.vertices) whole.mesh.vertices.push_back(part.pose.position + part.pose.orientation * v);
+    for (const auto& [a, b, c] : around.triangles) whole.mesh.triangles.push_back({first + a, first + b, first + c});
   }
   return whole;
 }

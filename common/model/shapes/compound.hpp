@@ -7,7 +7,7 @@
 namespace subworld {
 
 struct WeightedPart {
-  Part part;
+  BodyPart part;
   double mass = 0.0;            ///< kg
   Vec3 inertia = Vec3::Zero();  ///< principal moments about the part's origin, kg m^2
 };

@@ -36,7 +36,7 @@ Box around(const Mesh& mesh, const BodyState& state) {
 }
 
 /// Parts of a compound shape; none where a message has brought it.
-std::span<const Part> parts_of(const Shape& shape, std::span<const Mesh> meshes) {
+std::span<const BodyPart> parts_of(const Shape& shape, std::span<const Mesh> meshes) {
   if (shape.kind != ShapeKind::compound || shape.mesh >= meshes.size()) return {};
   return meshes[shape.mesh].parts;
 }
@@ -46,7 +46,7 @@ std::span<const Part> parts_of(const Shape& shape, std::span<const Mesh> meshes)
 Box bounds(const Shape& shape, const BodyState& state, std::span<const Mesh> meshes) {
   if (const auto parts = parts_of(shape, meshes); !parts.empty()) {
     Box box{Vec3::Constant(kFar_m), Vec3::Constant(-kFar_m)};
-    for (const Part& part : parts) {
+    for (const BodyPart& part : parts) {
       const Pose at = Pose{state.position, state.orientation} * part.pose;
       box.extend(bounds(part.shape, {at.position, at.orientation}, meshes));
     }
@@ -69,7 +69,7 @@ Box bounds(const Shape& shape, const BodyState& state, std::span<const Mesh> mes
 double bounding_radius(const Shape& shape, std::span<const Mesh> meshes) noexcept {
   if (const auto parts = parts_of(shape, meshes); !parts.empty()) {
     double most = 0.0;
-    for (const Part& part : parts)
+    for (const BodyPart& part : parts)
       most = std::max(most, part.pose.position.norm() + bounding_radius(part.shape, meshes));
     return most;
   }
@@ -102,7 +102,7 @@ double thickness(const Shape& shape, std::span<const Mesh> meshes) {
   if (shape.kind == ShapeKind::mesh) return 0.0;
   if (const auto parts = parts_of(shape, meshes); !parts.empty()) {
     double least = kFar_m;
-    for (const Part& part : parts) least = std::min(least, thickness(part.shape, meshes));
+    for (const BodyPart& part : parts) least = std::min(least, thickness(part.shape, meshes));
     return least;
   }
   const Box box = bounds(shape, {}, meshes);

@@ -4,8 +4,8 @@
 
 namespace subworld::bullet {
 
-Parts::Parts(btRigidBody& body, std::span<const Part> parts, ShapeStore& shapes) : body_(body) {
-  for (const Part& part : parts) {
+Parts::Parts(btRigidBody& body, std::span<const BodyPart> parts, ShapeStore& shapes) : body_(body) {
+  for (const BodyPart& part : parts) {
     poses_.emplace_back(to_bullet(part.pose.orientation), to_bullet(part.pose.position));
     btRigidBody::btRigidBodyConstructionInfo info(0, nullptr, shapes.get(part.shape));
     info.m_friction = scalar(std::sqrt(part.material.friction));

@@ -13,7 +13,7 @@ namespace subworld::bullet {
 /// a part, and its own material. What is found acts on the body.
 class Parts {
  public:
-  Parts(btRigidBody& body, std::span<const Part> parts, ShapeStore& shapes);
+  Parts(btRigidBody& body, std::span<const BodyPart> parts, ShapeStore& shapes);
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 

@@ -48,7 +48,7 @@ std::unique_ptr<btCollisionShape> ShapeStore::make(const Shape& shape) {
     }
     case ShapeKind::compound: {
       auto compound = std::make_unique<btCompoundShape>(false);
-      for (const Part& part : mesh_of(shape, meshes_).parts) {
+      for (const BodyPart& part : mesh_of(shape, meshes_).parts) {
         compound->addChildShape(btTransform(to_bullet(part.pose.orientation), to_bullet(part.pose.position)),
                                 get(part.shape));
       }

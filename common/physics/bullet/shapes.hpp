@@ -32,7 +32,7 @@ class ShapeStore {
   /// Throws `Error` (usage) if a mesh index is out of range.
   [[nodiscard]] btCollisionShape* get(const Shape& shape);
   /// Of a compound shape.
-  [[nodiscard]] std::span<const Part> parts(const Shape& shape) const { return meshes_.at(shape.mesh).parts; }
+  [[nodiscard]] std::span<const BodyPart> parts(const Shape& shape) const { return meshes_.at(shape.mesh).parts; }
 
  private:
   using Key = std::array<double, 7>;

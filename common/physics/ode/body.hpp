@@ -12,7 +12,7 @@ inline Vec3 from_ode(const dReal* v) { return {v[0], v[1], v[2]}; }
 
 /// A part of a compound body, or the whole of any other.
 struct Piece {
-  Part part;
+  BodyPart part;
   dGeomID geom = nullptr;
   dGeomID back = nullptr;  ///< of a mesh, not in ODE's space: the same triangles seen from behind
 };

@@ -136,9 +136,9 @@ class Ode final : public Adapter<Slot> {
     if (!body.fixed() && ode::skin(body.shape.kind) == 0.0) {
       throw Error(ExitCode::usage, fmt::format("body {}: a plane or mesh cannot move; give it mass 0", slot.id));
     }
-    const Part whole{body.shape, {}, body.material};
+    const BodyPart whole{body.shape, {}, body.material};
     const bool compound = body.shape.kind == ShapeKind::compound;
-    for (const Part& part : compound ? shapes_.parts(body.shape) : std::span(&whole, 1)) {
+    for (const BodyPart& part : compound ? shapes_.parts(body.shape) : std::span(&whole, 1)) {
       const std::uint64_t number = ode::Number{slot.id, static_cast<std::uint32_t>(slot.pieces.size())}.packed();
       const ode::Piece& piece =
           slot.pieces.emplace_back(ode::Piece{part, shapes_.make(part.shape), shapes_.make_back(part.shape)});

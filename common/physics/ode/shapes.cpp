@@ -90,7 +90,7 @@ std::span<const double> ShapeStore::hull_points(const Shape& shape) const {
   return hulls_.at(shape.mesh).points;
 }
 
-std::span<const Part> ShapeStore::parts(const Shape& shape) const { return mesh_of(shape, meshes_).parts; }
+std::span<const BodyPart> ShapeStore::parts(const Shape& shape) const { return mesh_of(shape, meshes_).parts; }
 
 dGeomID ShapeStore::make_back(const Shape& shape) {
   if (shape.kind != ShapeKind::mesh) return nullptr;

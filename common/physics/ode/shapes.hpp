@@ -27,7 +27,7 @@ class ShapeStore {
   /// index is out of range.
   [[nodiscard]] dGeomID make(const Shape& shape);
   /// Of a compound shape. Throws as make().
-  [[nodiscard]] std::span<const Part> parts(const Shape& shape) const;
+  [[nodiscard]] std::span<const BodyPart> parts(const Shape& shape) const;
   /// The back of a mesh, for whose triangles ODE knows a front only; null for another kind.
   [[nodiscard]] dGeomID make_back(const Shape& shape);
   /// Corners of the hull of a `convex` that was made, skin included; empty for another kind.

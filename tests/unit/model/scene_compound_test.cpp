@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -19,12 +20,13 @@ class SceneCompound : public ::testing::Test {
  protected:
   /// A scene with one body.
   [[nodiscard]] Scene load(const std::string& body) const {
-    return load_scene(folder_.write("scene.yaml",
-                                    "name: one\nmaterials: {ice: {friction: 0.02}}\nbodies:\n"
-                                    "  - {name: floor, shape: plane, fixed: true}\n  - " +
-                                        body +
-                                        "\nusers:\n  - {name: user, proxy: {shape: sphere, radius_m: 0.01, mass_kg: 0.1, "
-                                        "position_m: [0, 0, 5]}}\n"));
+    return load_scene(
+        folder_.write("scene.yaml",
+                      "name: one\nmaterials: {ice: {friction: 0.02}}\nbodies:\n"
+                      "  - {name: floor, shape: plane, fixed: true}\n  - " +
+                          body +
+                          "\nusers:\n  - {name: user, proxy: {shape: sphere, radius_m: 0.01, mass_kg: 0.1, "
+                          "position_m: [0, 0, 5]}}\n"));
   }
   void expect_error(const std::string& body, const std::string& text) const {
     try {
@@ -78,6 +80,17 @@ TEST_F(SceneCompound, OneMadeOfTheHalvesOfABoxIsTheBox) {
   const Shape whole{.kind = ShapeKind::box, .half_extents = Vec3(0.1, 0.15, 0.2)};
   EXPECT_LT((scene.bodies[1].inertia - principal_inertia(whole, 3.0)).norm(), 1e-12);
   EXPECT_TRUE(scene.initial[1].position.isZero(1e-12));
+}
+
+// The inner sides touch the circle of the radius from outside: what has that radius fits.
+TEST_F(SceneCompound, ATubeIsARingOfSides) {
+  const Scene scene = load(
+      "{name: nut, shape: compound, density_kg_m3: 1000, parts: ["
+      "{shape: tube, radius_m: 0.01, wall_m: 0.005, length_m: 0.02, sides: 6}]}");
+  const double area = 6 * std::tan(M_PI / 6) * (0.015 * 0.015 - 0.01 * 0.01);
+  EXPECT_NEAR(scene.bodies[1].mass, 1000 * area * 0.02, 1e-9);
+  EXPECT_EQ(scene.meshes[scene.bodies[1].shape.mesh].parts.size(), 6U);
+  EXPECT_NEAR(scene.bodies[1].inertia.x(), scene.bodies[1].inertia.y(), 1e-12) << "six equal sides";
 }
 
 TEST_F(SceneCompound, ErrorsNameThePlaceAndTheCure) {

@@ -1,12 +1,13 @@
 // Bodies of several parts rest, hold others inside and slide as their parts say, in the engines that have them.
-#include "model/error.hpp"
 #include "model/shapes/compound.hpp"
+#include "model/error.hpp"
 #include "model/shapes/mass_properties.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 namespace subworld {
@@ -118,8 +119,9 @@ TEST_P(CompoundBody, ATrayCarriesABallBetweenItsWalls) {
 
 TEST_P(CompoundBody, APartHasItsOwnMaterial) {
   for (const Material& material : {kSmooth, kRough}) {
-    const Compound compound = assemble(std::vector{part({0.05, 0.05, 0.02}, {0, 0, 0}, 0.2, material),
-                                                   part({0.02, 0.02, 0.02}, {0, 0, 0.04}, 0.01)}, {});
+    const Compound compound = assemble(
+        std::vector{part({0.05, 0.05, 0.02}, {0, 0, 0}, 0.2, material), part({0.02, 0.02, 0.02}, {0, 0, 0.04}, 0.01)},
+        {});
     const auto engine = GetParam().make(std::vector{compound.mesh});
     Body floor = floor_plane(kFloor);
     floor.material = kRough;
@@ -129,6 +131,93 @@ TEST_P(CompoundBody, APartHasItsOwnMaterial) {
     test::run(*engine, GetParam().steps(0.1), dt);
     EXPECT_NEAR(engine->state(kBody).linear_velocity.x(), 1.0 - material.friction * test::kG * 0.1, 0.02);
   }
+}
+
+/// A tube along z, and the side of which it consists.
+struct Tube {
+  Mesh side;
+  std::vector<WeightedPart> parts;
+};
+Tube tube(double inner, double wall, double deep) {
+  constexpr int kSides = 24;
+  const double slope = std::tan(M_PI / kSides);
+  Tube made;
+  for (const double x : {inner, inner + wall})
+    for (const double y : {-slope * x, slope * x})
+      for (const double z : {-0.5 * deep, 0.5 * deep}) made.side.vertices.emplace_back(x, y, z);
+  made.side = convex_hull(made.side);
+  const PrincipalFrame frame = move_to_principal_frame(made.side);
+  for (int i = 0; i < kSides; ++i) {
+    const Pose turn{.orientation = Quat(Eigen::AngleAxisd(2.0 * M_PI * i / kSides, Vec3::UnitZ()))};
+    made.parts.push_back({{{.kind = ShapeKind::convex, .mesh = 0}, turn * frame.frame, kSmooth}, 1.0, frame.inertia});
+  }
+  return made;
+}
+
+// A peg of 20 mm, and 0.1 to 0.5 mm of play around it.
+TEST_P(CompoundBody, ARoundPegFallsThroughItsHole) {
+  constexpr double kRadius_m = 0.01, kDeep_m = 0.04;
+  for (const double play_m : {0.0001, 0.0002, 0.0005}) {
+    SCOPED_TRACE(play_m);
+    const Tube made = tube(kRadius_m + play_m, 0.01, kDeep_m);
+    const Compound whole = assemble(made.parts, std::vector{made.side});
+    const auto engine = GetParam().make(std::vector{made.side, whole.mesh});
+    Body hole = body_of(kFloor, whole, 1);
+    hole.mass = 0.0;
+    engine->add(hole, {});
+    Body peg = cube(kBody);
+    peg.shape = {.kind = ShapeKind::cylinder, .radius = kRadius_m, .half_length = 0.025};
+    peg.inertia = principal_inertia(peg.shape, peg.mass);
+    engine->add(peg, at(0.5 * play_m, 0, 0.5 * kDeep_m + 0.026));
+    test::run(*engine, GetParam().steps(0.1), dt);
+    EXPECT_NEAR(engine->state(kBody).position.z(), 0.046 - 0.5 * test::kG * 0.01, 1e-3) << "it falls freely";
+  }
+}
+
+// A physical pendulum of small amplitude: T = 2 pi sqrt((I + m l^2) / (m g l)), l from the pin to the centre of mass.
+TEST_P(CompoundBody, APinInTubesIsAHinge) {
+  constexpr double kPin_m = 0.005, kPlay_m = 0.0002, kAmplitude_rad = 0.1;
+  const Tube made = tube(kPin_m + kPlay_m, 0.005, 0.02);
+  const Quat across(Eigen::AngleAxisd(0.5 * M_PI, Vec3::UnitX()));
+  std::vector<WeightedPart> knuckles;
+  for (const double y : {-0.05, 0.05}) {
+    for (WeightedPart one : made.parts) {
+      one.part.pose = Pose{Vec3(0, y, 0), across} * one.part.pose;
+      knuckles.push_back(one);
+    }
+  }
+  const Compound frame = assemble(knuckles, std::vector{made.side});
+  const Shape pin{.kind = ShapeKind::cylinder, .radius = kPin_m, .half_length = 0.07};
+  const Compound lid =
+      assemble(std::vector{WeightedPart{{pin, {.orientation = across}, kSmooth}, 0.1, principal_inertia(pin, 0.1)},
+                           part({0.01, 0.02, 0.1}, {0, 0, -0.1}, 0.4, kSmooth)},
+               {});
+  const auto engine = GetParam().make(std::vector{made.side, frame.mesh, lid.mesh});
+  Body fixed = body_of(kFloor, frame, 1);
+  fixed.mass = 0.0;
+  engine->add(fixed, {});
+  const Quat tilt(Eigen::AngleAxisd(kAmplitude_rad, Vec3::UnitY()));
+  BodyState start;
+  start.orientation = tilt * lid.frame.orientation;
+  start.position = Vec3(0, 0, -kPlay_m) + tilt * lid.frame.position;
+  engine->add(body_of(kBody, lid, 2), start);
+  const double arm = lid.frame.position.norm();
+  const Eigen::Matrix3d turn = lid.frame.orientation.toRotationMatrix();
+  const double about_y = (turn * lid.inertia.asDiagonal() * turn.transpose())(1, 1);
+  const double period = 2 * M_PI * std::sqrt((about_y + lid.mass * arm * arm) / (lid.mass * test::kG * arm));
+  std::vector<double> crossings;
+  double before = start.position.x();
+  for (int i = 1; i <= GetParam().steps(3.0); ++i) {
+    engine->step(dt);
+    const BodyState now = engine->state(kBody);
+    if (now.position.x() * before < 0.0) crossings.push_back(i * dt);
+    before = now.position.x();
+    const Vec3 hinge = now.position - now.orientation * lid.frame.orientation.conjugate() * lid.frame.position;
+    ASSERT_LT(hinge.norm(), 3 * kPlay_m) << "at " << i * dt << " s";
+  }
+  ASSERT_GE(crossings.size(), 4U);
+  const double measured = 2.0 * (crossings.back() - crossings.front()) / static_cast<double>(crossings.size() - 1);
+  EXPECT_NEAR(measured / period, 1.0, 0.01);
 }
 
 std::vector<test::Tested> engines_with_parts() {

@@ -81,7 +81,7 @@ class CompoundContacts final : public ContactAlgorithm {
     one = nullptr;
   }
 
-  double reach_;  ///< upper bound of the parts', m
+  double reach_;                             ///< upper bound of the parts', m
   std::vector<btCollisionAlgorithm*> near_;  ///< by part; null: far
 };
 
