@@ -172,7 +172,7 @@ RecordingFile::RecordingFile(const std::string& path, const RecordedRun& run) : 
   const auto folder = std::filesystem::path(run.scene.file).parent_path();
   std::set<std::string> files;
   for (const Mesh& mesh : run.scene.meshes) {
-    if (stays_inside(mesh.file) && files.insert(mesh.file).second)
+    if (!mesh.file.empty() && stays_inside(mesh.file) && files.insert(mesh.file).second)
       writer_.attach(mesh.file, "application/octet-stream", text_of(folder / mesh.file), attached_at());
   }
   const auto here = std::filesystem::absolute(path).parent_path();

@@ -197,7 +197,7 @@ TEST(WireValidation, kinds_out_of_range_are_rejected) {
   WorldFrame frame;
   frame.entering.resize(1);
   EXPECT_TRUE(accepted(frame));
-  frame.entering[0].body.shape.kind = static_cast<ShapeKind>(7);
+  frame.entering[0].body.shape.kind = static_cast<ShapeKind>(8);
   EXPECT_FALSE(accepted(frame));
 }
 
