@@ -26,10 +26,11 @@ DeviceGuard::DeviceGuard(const Scene& scene, std::size_t user, double fade_in_s)
       port_(scene, user) {}
 
 Wrench DeviceGuard::passive(const Wrench& wanted, const DeviceState& now, double dt) noexcept {
+  const Vec3 force =
+      passive_force(wanted.force, now.linear_velocity, port_.stored_j(), user_.coupling.stiffness_n_m, dt);
+  const double left_j = std::max(0.0, port_.stored_j() - std::max(0.0, dt * force.dot(now.linear_velocity)));
   const Wrench bounded{
-      passive_force(wanted.force, now.linear_velocity, port_.linear_j(), user_.coupling.stiffness_n_m, dt),
-      passive_force(wanted.torque, now.angular_velocity, port_.angular_j(), user_.coupling.rotational_stiffness_n_m,
-                    dt)};
+      force, passive_force(wanted.torque, now.angular_velocity, left_j, user_.coupling.rotational_stiffness_n_m, dt)};
   bounded_ += bounded.force != wanted.force || bounded.torque != wanted.torque;
   return bounded;
 }
@@ -43,7 +44,7 @@ DeviceMotion DeviceGuard::passive(DeviceMotion wanted, const DeviceState& now, d
   // Drives follow with a delay: the remaining motion against the operator counts as energy already spent.
   const Vec3 to_come = (apart_ ? moved_ : wanted).pose.position - now.pose.position + kDriveLag_s * now.linear_velocity;
   const double to_come_j = -now.applied.force.dot(to_come);
-  const double stored_j = std::max(0.0, port_.linear_j() - std::max(0.0, to_come_j));
+  const double stored_j = std::max(0.0, port_.stored_j() - std::max(0.0, to_come_j));
   const Vec3 bounded = passive_velocity(wanted.linear_velocity, now.applied.force, stored_j, proxy_mass_kg_, dt);
   const bool acts = bounded != wanted.linear_velocity;
   bounded_ += acts;
@@ -57,7 +58,7 @@ DeviceMotion DeviceGuard::passive(DeviceMotion wanted, const DeviceState& now, d
   moved_.pose.orientation = wanted.pose.orientation;
   moved_.linear_velocity = bounded;
   moved_.angular_velocity =
-      passive_velocity(wanted.angular_velocity, now.applied.torque, port_.angular_j(), proxy_inertia_kg_m2_, dt);
+      passive_velocity(wanted.angular_velocity, now.applied.torque, stored_j, proxy_inertia_kg_m2_, dt);
   return moved_;
 }
 

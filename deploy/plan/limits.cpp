@@ -276,6 +276,7 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
   std::vector<std::string> out;
   for (const Place& at : {Place{"world", s.world, engine_plugin(s.world.name), s.shortest_cycle_s()},
                           Place{"haptic", s.haptic, engine_plugin(s.haptic.name), s.h_s}}) {
+    warn_of_refused_bodies(scene, at.settings, at.name, out);
     warn_of_small_boxes(scene, at, out);
     warn_of_the_planes_end(scene, at, out);
     warn_of_far_bodies(scene, at, out);

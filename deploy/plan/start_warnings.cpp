@@ -12,6 +12,7 @@
 #include <array>
 #include <functional>
 #include <map>
+#include <set>
 #include <utility>
 
 namespace subworld {
@@ -115,6 +116,19 @@ void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
                     "at_rest",
                     listed(hanging), hanging.size() == 1 ? "is" : "are", hanging.size() == 1 ? "touches" : "touch",
                     hanging.size() == 1 ? "it hangs" : "they hang", hanging.size() == 1 ? "it" : "them"));
+  }
+}
+
+void warn_of_refused_bodies(const Scene& scene, const EngineSettings& settings, const char* where,
+                            std::vector<std::string>& out) {
+  std::set<ShapeKind> tried;
+  for (const Body& body : scene.bodies) {
+    if (!tried.insert(body.shape.kind).second) continue;
+    try {
+      make_engine(settings, scene.meshes)->add(body, scene.initial[index(body.id)]);
+    } catch (const Error& e) {
+      out.push_back(fmt::format("{}: the run will fail at the body {}: {}", where, body.name, e.what()));
+    }
   }
 }
 

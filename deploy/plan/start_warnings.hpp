@@ -22,6 +22,9 @@ std::vector<std::string> names_of(const Scene& scene, const Holds& holds) {
 
 /// Bodies with a density that no material has, and that one has if the body was described in mm, cm or g.
 void warn_of_slips(const Scene& scene, std::vector<std::string>& out);
+/// The first body of each kind of shape that an engine refuses. `where`: "world" or "haptic".
+void warn_of_refused_bodies(const Scene& scene, const EngineSettings& settings, const char* where,
+                            std::vector<std::string>& out);
 /// Bodies that overlap, and bodies at rest that nothing supports.
 void warn_of_the_start(const Scene& scene, std::vector<std::string>& out);
 

@@ -56,20 +56,17 @@ class EnergyPort {
   double net_j_ = 0.0, least_j_ = 0.0, level_j_ = 0.0, created_j_ = 0.0;
 };
 
-/// Most that a spring stores below its limit, J. An admittance device has none, and what it moves may bounce: it counts
-/// the work of its limit over kStroke_m or kTurn_rad.
-[[nodiscard]] constexpr double linear_capacity_j(const UserSpec& user) noexcept {
-  constexpr double kStroke_m = 0.02;
-  const double limit_n = user.device.force_limit_n;
-  return user.device.kind == DeviceKind::impedance ? limit_n * limit_n / (2.0 * user.coupling.stiffness_n_m)
-                                                   : kStroke_m * limit_n;
-}
-[[nodiscard]] constexpr double angular_capacity_j(const UserSpec& user) noexcept {
-  constexpr double kTurn_rad = 0.2;
-  const double limit_n_m = user.device.torque_limit_n_m;
-  const double stiffness = user.coupling.rotational_stiffness_n_m;
-  return user.device.kind == DeviceKind::impedance && stiffness > 0.0 ? limit_n_m * limit_n_m / (2.0 * stiffness)
-                                                                      : kTurn_rad * limit_n_m;
+/// Most that the springs of a coupling store below their limits, J. An admittance device has none, and what it moves
+/// may bounce: it counts the work of its limits over kStroke_m and kTurn_rad.
+[[nodiscard]] constexpr double capacity_j(const UserSpec& user) noexcept {
+  constexpr double kStroke_m = 0.02, kTurn_rad = 0.2;
+  const DeviceSpec& device = user.device;
+  const auto stored_j = [&](double limit, double stiffness, double way) {
+    return device.kind == DeviceKind::impedance && stiffness > 0.0 ? limit * limit / (2.0 * stiffness) : way * limit;
+  };
+  const double linear_j = stored_j(device.force_limit_n, user.coupling.stiffness_n_m, kStroke_m);
+  if (device.degrees_of_freedom != 6) return linear_j;
+  return linear_j + stored_j(device.torque_limit_n_m, user.coupling.rotational_stiffness_n_m, kTurn_rad);
 }
 
 /// Most that the tanks of the users other than `user` hold, J.
@@ -77,8 +74,7 @@ class EnergyPort {
   double sum_j = 0.0;
   for (std::size_t u = 0; u < scene.users.size() && static_cast<int>(u) < scene.settings.users; ++u) {
     if (u == user) continue;
-    sum_j += linear_capacity_j(scene.users[u]);
-    if (scene.users[u].device.degrees_of_freedom == 6) sum_j += angular_capacity_j(scene.users[u]);
+    sum_j += capacity_j(scene.users[u]);
   }
   return sum_j;
 }
@@ -132,52 +128,50 @@ struct OthersEnergy {
 };
 
 /// The port between a device and its operator, with the energy that the other operators have put into the bodies which
-/// this one feels.
+/// this one feels. Force and torque have one tank: a tool that turns against an obstacle pushes back with a force.
 class OperatorPort {
  public:
   OperatorPort(const Scene& scene, std::size_t user) noexcept
       : force_limit_n_(scene.users[user].device.force_limit_n),
         torque_limit_n_m_(scene.users[user].device.torque_limit_n_m),
         work_(scene.users[user].device.kind),
-        linear_(linear_capacity_j(scene.users[user])),
-        angular_(angular_capacity_j(scene.users[user])),
-        others_capacity_j_(std::max(others_capacity_j(scene, user), linear_capacity_j(scene.users[user]))) {}
+        own_(capacity_j(scene.users[user])),
+        others_capacity_j_(std::max(others_capacity_j(scene, user), capacity_j(scene.users[user]))) {}
 
   /// Work of the other operators, and of bodies that fall, since the start, J; less than before where operators have
   /// received energy. That is theirs, so it is taken from what they had put in, then from what this one has. A change
   /// that no device can make within a step is a new start of the account.
   void share(const OthersEnergy& others) noexcept {
     if (!std::isfinite(others.work_j) || !std::isfinite(others.bodies_j) || others.bodies_j < 0.0) return;
-    linear_.keep(others.bodies_j);
-    angular_.keep(others.bodies_j);
+    own_.keep(others.bodies_j);
     const double into_j = others.work_j - std::exchange(others_work_j_, others.work_j);
     if (!(std::abs(into_j) <= others_capacity_j_)) return;
     others_j_ = std::min(others_j_ + into_j, others_capacity_j_ + others.bodies_j);
     if (others_j_ >= 0.0) return;
-    (void)angular_.give(linear_.give(-others_j_));
+    (void)own_.give(-others_j_);
     others_j_ = 0.0;
   }
   /// Once per step, with the device as it is now.
   void step(const DeviceState& now) noexcept {
     constexpr double kAll = 0.999;
     const PortWork::Work work = work_.step(now.pose, now.applied);
-    linear_.flow(work.linear_j, work.of_operator.force.norm() >= kAll * force_limit_n_, others_j_);
-    angular_.flow(work.angular_j, work.of_operator.torque.norm() >= kAll * torque_limit_n_m_, others_j_);
+    const bool at_limit = work.of_operator.force.norm() >= kAll * force_limit_n_ ||
+                          (torque_limit_n_m_ > 0.0 && work.of_operator.torque.norm() >= kAll * torque_limit_n_m_);
+    own_.flow(work.linear_j + work.angular_j, at_limit, others_j_);
   }
   /// The wrench on the operator from now on.
   void hold(const Wrench& on_operator) noexcept { work_.hold(on_operator); }
 
-  /// What the operator may be given by forces, and by torques, J: of the own tank, and of the others' energy.
-  [[nodiscard]] double linear_j() const noexcept { return linear_.level_j() + others_j_; }
-  [[nodiscard]] double angular_j() const noexcept { return angular_.level_j() + others_j_; }
-  [[nodiscard]] double net_j() const noexcept { return linear_.net_j() + angular_.net_j(); }
-  [[nodiscard]] double least_j() const noexcept { return linear_.least_j() + angular_.least_j(); }
-  [[nodiscard]] double created_j() const noexcept { return linear_.created_j() + angular_.created_j(); }
+  /// What the operator may be given, J: of the own tank, and of the others' energy.
+  [[nodiscard]] double stored_j() const noexcept { return own_.level_j() + others_j_; }
+  [[nodiscard]] double net_j() const noexcept { return own_.net_j(); }
+  [[nodiscard]] double least_j() const noexcept { return own_.least_j(); }
+  [[nodiscard]] double created_j() const noexcept { return own_.created_j(); }
 
  private:
   double force_limit_n_, torque_limit_n_m_;
   PortWork work_;
-  EnergyPort linear_, angular_;
+  EnergyPort own_;
   double others_capacity_j_;
   double others_work_j_ = 0.0;
   double others_j_ = 0.0;  ///< put in by others and not given to anybody

@@ -25,6 +25,12 @@ const std::initializer_list<std::string_view> kProxyKeys = {
 
 /// In place of a shape with an error, so that a mass follows from it without another error.
 const SolidShape kUnread{.volume = 1.0, .inertia_per_kg = Vec3::Ones()};
+/// The mass of one with parts is theirs.
+SolidShape unread(const YamlMap& map) {
+  SolidShape solid = kUnread;
+  if (map.has("parts") && !map.has("mass_kg") && !map.has("density_kg_m3")) solid.mass = 1.0;
+  return solid;
+}
 
 }  // namespace
 
@@ -69,7 +75,7 @@ void BodyReader::read_solid(const YamlMap& map) {
   Faults faults;
   std::string name;
   faults.collect([&] { name = map.at("name").name(); });
-  SolidShape solid = kUnread;
+  SolidShape solid = unread(map);
   std::optional<Layout> layout;
   bool fixed = false;
   const bool known = faults.collect([&] { map.read("fixed", fixed); });
@@ -204,7 +210,7 @@ BodyId BodyReader::read_proxy(const YamlValue& value, const std::string& user) {
   const YamlMap map(value, kProxyKeys, faults);
   const auto at = map.find("body");
   if (!at) {
-    SolidShape solid = kUnread;
+    SolidShape solid = unread(map);
     Template made;
     faults.collect([&] { solid = read_shape(map, false); });
     faults.collect([&] { made = read_template(map, solid); });

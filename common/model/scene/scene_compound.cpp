@@ -12,9 +12,10 @@ namespace {
 
 constexpr std::size_t kMostParts = 256;
 constexpr int kMostSides = 64;
+constexpr double kThinnestWall = 0.01;  ///< of the radius: a thinner side is none in single precision
 const std::initializer_list<std::string_view> kPartKeys = {
-    "shape", "size_m", "radius_m", "length_m", "wall_m",        "sides",      "file",
-    "scale", "up",     "material", "mass_kg",  "density_kg_m3", "position_m", "rotation"};
+    "shape", "size_m", "radius_m", "length_m", "wall_m",        "sides",      "file",    "scale",
+    "up",    "parts",  "material", "mass_kg",  "density_kg_m3", "position_m", "rotation"};
 
 /// One side of a tube: between the planes at `inner` and at `outer` from the axis, along x.
 Mesh side_of_tube(double inner, double outer, double half_length, int sides) {
@@ -32,13 +33,16 @@ BodyReader::PartShape BodyReader::read_part_shape(const YamlMap& part) {
   const YamlValue at = part.at("shape");
   const std::string word = at.text();
   if (word == "compound") at.fail("a part has no parts; list them in the body");
+  if (word == "plane" || word == "mesh" || word == "bin")
+    at.fail(fmt::format("a {} is no part; use a box, sphere, capsule, cylinder, convex or tube", word));
   if (word != "tube") {
     PartShape whole{.solid = read_shape(part, false)};
     whole.places = {whole.solid.frame};
     return whole;
   }
   forbid_other_measures(part, word);
-  const double radius = part.at("radius_m").number(kLength), wall = part.at("wall_m").number(kLength);
+  const double radius = part.at("radius_m").number(kLength);
+  const double wall = part.at("wall_m").number({.least = kThinnestWall * radius, .most = kLength.most});
   int sides = 24;
   part.read("sides", sides, 3, kMostSides);
   Mesh mesh = side_of_tube(radius, radius + wall, 0.5 * part.at("length_m").number(kLength), sides);

@@ -51,8 +51,11 @@ HeapLayout read_heap(const YamlValue& value, const SolidShape& solid) {
   heap.seed = static_cast<std::uint64_t>(map.at("seed").integer(0, 2'000'000'000));
   map.read("max_tilt_deg", heap.max_tilt_deg, {.least = 0.0, .most = 180.0});
   map.read("gap_m", heap.gap, kGap);
-  heap.half_extents = solid.half_extents;
-  heap.bounding_radius = solid.bounding_radius;
+  // Copies are placed by the frame of the scene, which need not be the centre.
+  const double off_m = solid.frame.position.norm();
+  const Eigen::Matrix3d turn = solid.frame.orientation.toRotationMatrix();
+  heap.half_extents = turn.cwiseAbs() * solid.half_extents + solid.frame.position.cwiseAbs();
+  heap.bounding_radius = solid.bounding_radius + off_m;
   return heap;
 }
 

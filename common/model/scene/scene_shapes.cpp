@@ -73,8 +73,9 @@ void forbid_other_measures(const YamlMap& map, std::string_view shape) {
 SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
   const YamlValue at = map.at("shape");
   Shape shape;
-  const std::size_t kind = at.choice(kShapes);  // in the order of ShapeKind
   const std::string word = at.text();
+  if (word == "tube") at.fail("a tube is a part; write shape: compound, parts: [{shape: tube, ...}]");
+  const std::size_t kind = at.choice(kShapes);  // in the order of ShapeKind
   if (word == "bin") at.fail("a bin cannot be a proxy or a part; use a box, sphere, capsule, cylinder or convex");
   shape.kind = static_cast<ShapeKind>(kind);
   forbid_other_measures(map, word);

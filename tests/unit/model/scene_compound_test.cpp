@@ -100,10 +100,33 @@ TEST_F(SceneCompound, ErrorsNameThePlaceAndTheCure) {
   expect_error("{name: a, shape: compound, mass_kg: 1, parts: [{shape: box, size_m: [1, 1, 1], mass_kg: 1}]}",
                "the body has it, or is fixed");
   expect_error("{name: a, shape: compound, parts: [{shape: box, size_m: [1, 1, 1]}]}", "mass_kg");
-  expect_error("{name: a, shape: compound, mass_kg: 1, parts: [{shape: plane}]}", "a plane cannot move");
+  expect_error("{name: a, shape: compound, mass_kg: 1, parts: [{shape: plane}]}", "a plane is no part");
   expect_error("{name: a, shape: compound, mass_kg: 1, parts: [{shape: compound}]}", "a part has no parts");
   expect_error("{name: a, shape: compound, mass_kg: 1, parts: [{shape: box, size_m: [1, 1, 1], name: b}]}",
                "parts[0].name");
+  expect_error("{name: a, shape: tube, radius_m: 1, wall_m: 1, length_m: 1, mass_kg: 1}", "a tube is a part");
+  expect_error("{name: a, shape: compound, mass_kg: 1, parts: [{shape: mesh, file: a.obj}]}", "a mesh is no part");
+  expect_error(
+      "{name: a, shape: compound, mass_kg: 1, parts: "
+      "[{shape: tube, radius_m: 0.1, wall_m: 1.0e-6, length_m: 0.1}]}",
+      "wall_m");
+}
+
+TEST_F(SceneCompound, AnErrorInAPartIsTheOnlyOne) {
+  try {
+    (void)load("{name: a, shape: compound, parts: [{shape: box, sise_m: [1, 1, 1], mass_kg: 1}]}");
+    ADD_FAILURE();
+  } catch (const Error& e) {
+    EXPECT_EQ(std::string(e.what()).find("density_kg_m3"), std::string::npos) << e.what();
+  }
+}
+
+TEST_F(SceneCompound, CopiesInAHeapLieAboveTheGround) {
+  const Scene scene = load(
+      "{name: c, shape: compound, repeat: {heap: {count: 10, area_m: [1, 1], seed: 1}}, parts: "
+      "[{shape: box, size_m: [0.1, 0.1, 0.1], position_m: [0, 0, 0.2], mass_kg: 1}]}");
+  for (std::size_t b = 1; b <= 10; ++b)
+    EXPECT_GE(bounds(scene.bodies[b].shape, scene.initial[b], scene.meshes).lower.z(), 0.0) << b;
 }
 
 TEST_F(SceneCompound, OfThePageLoads) {

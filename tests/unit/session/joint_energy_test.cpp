@@ -66,9 +66,9 @@ class SecondPort : public ::testing::Test {
 
 TEST_F(SecondPort, GivesWhatTheOtherOperatorPutIn) {
   port.share({0.05});
-  EXPECT_DOUBLE_EQ(port.linear_j(), 0.05);
+  EXPECT_DOUBLE_EQ(port.stored_j(), 0.05);
   give(0.03);
-  EXPECT_NEAR(port.linear_j(), 0.02, 1e-12);
+  EXPECT_NEAR(port.stored_j(), 0.02, 1e-12);
   EXPECT_DOUBLE_EQ(port.created_j(), 0.0);
   EXPECT_NEAR(port.net_j(), -0.03, 1e-12);
   give(0.04);
@@ -82,18 +82,39 @@ TEST_F(SecondPort, DoesNotGiveTwiceWhatWentBackToTheOther) {
   EXPECT_NEAR(port.created_j(), 0.02, 1e-12);
   give(-0.05);
   port.share({-0.02});  // and 0.03 J of this operator's
-  EXPECT_NEAR(port.linear_j(), 0.02, 1e-12);
+  EXPECT_NEAR(port.stored_j(), 0.02, 1e-12);
+}
+
+// A tool that turns against an obstacle pushes back with a force: what went in by the torque may come out by it.
+TEST(OneTank, OfForceAndTorque) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/press_turn.yaml");
+  scene.users[0].device.degrees_of_freedom = 6;
+  OperatorPort port(scene, 0);
+  DeviceState device;
+  port.hold({Vec3::Zero(), Vec3(0, 0, -1)});
+  port.step(device);
+  device.pose.orientation = Quat(Eigen::AngleAxisd(0.05, Vec3::UnitZ()));
+  port.step(device);
+  EXPECT_NEAR(port.stored_j(), 0.05, 1e-4);
+  port.hold({Vec3(2, 0, 0), Vec3::Zero()});
+  device.pose.position.x() = 0.02;
+  port.step(device);
+  EXPECT_NEAR(port.stored_j(), 0.01, 1e-4);
+  EXPECT_DOUBLE_EQ(port.created_j(), 0.0);
+  device.pose.position.x() = 0.03;
+  port.step(device);
+  EXPECT_NEAR(port.created_j(), 0.01, 1e-4);
 }
 
 TEST_F(SecondPort, DoesNotHoldMoreThanTheCouplingsOfTheOthersStore) {
   for (int i = 1; i <= 100; ++i) port.share({0.1 * i});  // friction has dissipated most of it
-  EXPECT_NEAR(port.linear_j(), 40.0 * 40.0 / (2.0 * 1000.0), 1e-12);
+  EXPECT_NEAR(port.stored_j(), 40.0 * 40.0 / (2.0 * 1000.0), 1e-12);
   port.share({1e9});
   port.share({NAN});
-  EXPECT_NEAR(port.linear_j(), 0.8, 1e-12) << "no device can do that in a step";
+  EXPECT_NEAR(port.stored_j(), 0.8, 1e-12) << "no device can do that in a step";
   give(0.5);
   port.share({1e9 + 0.25});
-  EXPECT_NEAR(port.linear_j(), 0.55, 1e-6) << "the account goes on";
+  EXPECT_NEAR(port.stored_j(), 0.55, 1e-6) << "the account goes on";
 }
 
 TEST(JointEnergy, AnOperatorIsPushedBackByAnotherWithTheForceThatThereIsWithoutABound) {
