@@ -27,14 +27,15 @@ std::string os_remark(const RunResults& run) {
 
 /// No run knows what its operators would have felt without a delay of some cycles.
 std::string delay_remark(const RunResults& run) {
-  if (!run.has_unknown_delay() || run.haptic.empty()) return {};
-  double round_trip_s = 0.0;
-  for (const HapticResult& haptic : run.haptic) round_trip_s = std::max(round_trip_s, haptic.round_trip_s.p50);
-  if (round_trip_s < 3.0 * run.scene.settings.longest_cycle_s()) return {};
+  const Settings& settings = run.scene.settings;
+  double round_trip_s = run.realtime() ? 0.0 : settings.delay.up_s + settings.delay.down_s;
+  if (run.has_unknown_delay())
+    for (const HapticResult& haptic : run.haptic) round_trip_s = std::max(round_trip_s, haptic.round_trip_s.p50);
+  if (run.haptic.empty() || round_trip_s < 3.0 * settings.longest_cycle_s()) return {};
   return fmt::format(
-      "; the round trip to the world took {:.3g} ms (p50){}. No gate judges the force error of such a delay: `subworld "
-      "lab latency {}` measures it",
-      1e3 * round_trip_s, link_text(run), run.scene.name);
+      "; the round trip to the world took {:.3g} ms{}{}. No gate judges the force error of such a delay: `subworld lab "
+      "latency {}` measures it",
+      1e3 * round_trip_s, run.realtime() ? " (p50)" : "", link_text(run), run.scene.name);
 }
 
 std::string absence_text(const Absence& one, double end_s) {

@@ -165,6 +165,8 @@ void conclude(LatencyAnswer& answer, const LatencyQuestion& question, const std:
   answer.sentence =
       sentence_of({scene, words_of(question.link) + disturbance_of(answer.settings), answer.finished, answer.disturbed},
                   answer.limits);
+  if (const auto& chosen_s = question.point.duration_s)
+    answer.sentence += fmt::format("; looked at: the first {:g} s of the scene", *chosen_s);
 }
 
 /// What is known before the first run with a delay. Empty if a signal requested a stop.
