@@ -204,7 +204,10 @@ class SimulatedNeighbourhood final : public LocalModel {
     double held_on_s = 0.0;
     const PeerForecast* forecast = nullptr;
     if (heard != nullptr && is_followed(peer)) forecasts_[number].observe(*heard);
-    if (heard != nullptr && heard->stamp_s + held_s > peer.device_s) {
+    // One from the future is of a device that was started again, of which the account does not know the offset yet.
+    const bool of_another =
+        heard != nullptr && at_s + rate_ * (heard->stamp_s - peer.device_s - kLongestGuess_s) > time_s;
+    if (heard != nullptr && !of_another && heard->stamp_s + held_s > peer.device_s) {
       motion.device = {{heard->pose.position + peer.offset, heard->pose.orientation * peer.turn},
                        heard->linear_velocity / rate_,
                        heard->angular_velocity / rate_};
