@@ -91,6 +91,10 @@ TEST_F(SceneCompound, ATubeIsARingOfSides) {
   EXPECT_NEAR(scene.bodies[1].mass, 1000 * area * 0.02, 1e-9);
   EXPECT_EQ(scene.meshes[scene.bodies[1].shape.mesh].parts.size(), 6U);
   EXPECT_NEAR(scene.bodies[1].inertia.x(), scene.bodies[1].inertia.y(), 1e-12) << "six equal sides";
+  const Scene given = load(
+      "{name: nut, shape: compound, parts: "
+      "[{shape: tube, radius_m: 0.01, wall_m: 0.005, length_m: 0.02, mass_kg: 3}]}");
+  EXPECT_NEAR(given.bodies[1].mass, 3.0, 1e-12);
 }
 
 TEST_F(SceneCompound, ErrorsNameThePlaceAndTheCure) {
