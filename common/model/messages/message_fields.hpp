@@ -91,7 +91,7 @@ bool fields(auto& archive, Is<Wrench> auto& m) { return archive("force", m.force
 
 /// Version of the messages: it changes with each change of their layout or meaning. Programs of different versions
 /// refuse to work together. Versions before had none; they begin with the length of a name, which is shorter.
-inline constexpr std::uint32_t kWireVersion = 100'004;
+inline constexpr std::uint32_t kWireVersion = 100'005;
 
 /// Topic `scene`: all that a late joiner needs to create every body.
 struct SceneDescription {

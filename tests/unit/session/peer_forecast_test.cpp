@@ -1,11 +1,16 @@
 // Where a peer's device is by now: movements of an arm, with and without noise, and velocities that jump.
 #include "haptic_sim/peer_forecast.hpp"
+#include "haptic_sim/sub_world.hpp"
 #include "model/scene/scene.hpp"
+#include "support/scene_text.hpp"
+#include "world_sim/world.hpp"
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
+#include <string>
 
 namespace subworld {
 namespace {
@@ -51,6 +56,60 @@ TEST(PeerForecast, IsNotWorseForNoise) {
 
 TEST(PeerForecast, GoesOnAtTheVelocityThatHasJumped) {
   EXPECT_NEAR(error(Profile::constant, 0.1, 0.0, true), error(Profile::constant, 0.1, 0.0, false), 1e-12);
+}
+
+/// Where the sub-world of user 0 of `lift` has the proxy of user 1 after 10 steps on a clock of this rate. The world's
+/// account of the device is of the device's time 1 s; `heard` is its newest state.
+double peer_x_m(const DeviceState& heard, double rate) {
+  Scene scene = load_scene(std::string(SCENES_FOLDER) + "/lift.yaml");
+  keep_users(scene, 2);
+  scene.settings.disable(disabled(Optimisation::suppression));  // every cycle has its messages, as in real time
+  World world(scene);
+  world.settle([](double) { return true; });
+  WorldFrame frame = world.frame(0);
+  const BodyId proxy = scene.users[1].proxy;
+  frame.peers = {{.proxy = proxy, .pose = {scene.initial[index(proxy)].position}, .device_s = 1.0}};
+  SubWorld sub(scene, 0);
+  sub.synchronise_with(world.frame(0));
+  EXPECT_TRUE(sub.reset_from(frame));
+  DeviceState own;
+  own.pose.position = scene.initial[index(scene.users[0].proxy)].position;
+  const std::array<const DeviceState*, 2> peers{nullptr, &heard};
+  double x_m = NAN;
+  for (int step = 0; step < 12; ++step) {
+    (void)sub.step(
+        {.device = &own, .peers = peers, .wall_s = 0.001 / rate, .dt = 0.001, .clock_rate = rate},
+        [](const FeltStep&) {},
+        [&] {
+          for (const StampedBody& member : sub.close_cycle(1)->members)
+            if (member.id == proxy) x_m = member.state.position.x();
+        });
+  }
+  return x_m;
+}
+
+DeviceState device_at(double x_m, double stamp_s) {
+  DeviceState state;
+  state.pose.position = {x_m, 0.0, 0.05};
+  state.stamp_s = stamp_s;
+  state.sender = 7;
+  return state;
+}
+
+TEST(PeerInASubWorld, FollowsTheNewestStateOfItsDevice) {
+  EXPECT_NEAR(peer_x_m(device_at(0.11, 1.005), 1.0), 0.11, 0.008);
+}
+
+// The device was started again, and the account does not know yet where its motion begins.
+TEST(PeerInASubWorld, WaitsForTheAccountOfADeviceThatWasStartedAgain) {
+  EXPECT_NEAR(peer_x_m(device_at(0.13, 6.0), 1.0), 0.10, 1e-4);
+}
+
+// 12 ms on a clock of the rate 0.02 are 0.6 s of the peer's operator, of which 0.2 s are guessed.
+TEST(PeerInASubWorld, IsGuessedForAShortTimeOfItsOperatorWhateverTheClock) {
+  DeviceState state = device_at(0.10, 1.001);
+  state.linear_velocity.x() = 0.1;
+  EXPECT_NEAR(peer_x_m(state, 0.02), 0.12, 0.002);
 }
 
 TEST(PeerForecast, TurnsOn) {
