@@ -91,7 +91,7 @@ void add_run(CommandLine& line, RunWords& words) {
 void add_up(CommandLine& line, RunWords& words) {
   RunRequest& request = words.request;
   request.dds.clear();
-  line.add("session", &request.session, "session file (YAML), or the name of a session in deploy/sessions").required();
+  line.add("session", &request.session, "session file (YAML), or the name of a session of Subworld").required();
   line.add("--host", &request.host, "start only the programs of this host, here").otherwise("all");
   line.flag("--namespaces", request.namespaces,
             "make each host a network namespace of this machine; needs the rights of root");

@@ -1,6 +1,7 @@
 #include "tools.hpp"
 
 #include "model/error.hpp"
+#include "model/places.hpp"
 
 #include <fmt/core.h>
 #include <unistd.h>
@@ -25,10 +26,8 @@ const char* about_tool(std::string_view name) {
 }
 bool is_lab(std::string_view name) { return is_among(kLabs, name); }
 
-std::string program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
-
 void become(const std::string& name, char** arguments) {
-  const std::string program = program_folder() + "/" + name;
+  const std::string program = (program_folder() / name).string();
   execv(program.c_str(), arguments);
   throw Error(ExitCode::failed,
               fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));

@@ -17,6 +17,7 @@ inline constexpr std::array kTools{
     Tool{"device", "Lists the drivers of haptic devices, or examines one"},
     Tool{"doctor", "Examines this machine, its network and a running domain; names faults with their cures"},
     Tool{"film", "Makes pictures, and a video, of a recording: any moment, camera and speed"},
+    Tool{"import", "Makes a scene of a world in SDFormat, a robot in URDF or a model in MJCF"},
     Tool{"link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage"},
     Tool{"recorder", "Records the programs of one host of a session, for `subworld up --record`"},
     Tool{"replay", "Shows what a recording holds, publishes it, and re-simulates it"},
@@ -35,9 +36,6 @@ inline constexpr std::array kLabs{
 [[nodiscard]] bool is_tool(std::string_view name);
 [[nodiscard]] const char* about_tool(std::string_view name);
 [[nodiscard]] bool is_lab(std::string_view name);
-
-/// The folder of this program and of those that it starts.
-[[nodiscard]] std::string program_folder();
 
 /// Becomes another program of the build. `arguments` end with a null, the first is the program's own name. Throws
 /// `Error` (failed) where it cannot start.

@@ -1,6 +1,8 @@
 #include "figure.hpp"
 
+#include "joint_marks.hpp"
 #include "model/shapes/shape_extent.hpp"
+#include "model/trigonometry.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -206,9 +208,14 @@ struct Line {
   double body_radius;
 };
 
-std::vector<Line> lines_of(const Picture& picture, const std::vector<Item>& items) {
+std::unordered_map<std::uint32_t, const Item*> by_id(const std::vector<Item>& items) {
   std::unordered_map<std::uint32_t, const Item*> drawn;
   for (const Item& item : items) drawn.emplace(index(item.body->id), &item);
+  return drawn;
+}
+
+std::vector<Line> lines_of(const Picture& picture, const std::vector<Item>& items) {
+  const auto drawn = by_id(items);
   std::vector<Line> lines;
   for (const auto& user : picture.users) {
     std::map<std::uint32_t, Vec3> sums;
@@ -234,14 +241,6 @@ double scale_of(const std::vector<Line>& lines, double picture_height_m) {
   }
   if (!(largest > 0.0)) return 0.0;
   return std::clamp(3.0 * radius, 0.10 * picture_height_m, 0.25 * picture_height_m) / largest;
-}
-
-/// The shortest turn of z to a unit vector. Quat::FromTwoVectors compiles a singular value decomposition for the one
-/// case of opposite vectors.
-Quat turn_of_z(const Vec3& to) {
-  const double twice_w = std::sqrt(2.0 * (1.0 + to.z()));
-  if (!(twice_w > 1e-6)) return Quat(0.0, 1.0, 0.0, 0.0);
-  return Quat(0.5 * twice_w, -to.y() / twice_w, to.x() / twice_w, 0.0);
 }
 
 /// A dot, a shaft and a head; `rim` is the width that an outline adds.
@@ -294,6 +293,34 @@ void add_impulse_lines(const Picture& picture, const std::vector<Item>& items, P
   figure.line_m_per_n_s = lines.empty() ? 0.0 : scale;
 }
 
+/// In front of all bodies, with a white outline. Needs the figure's camera and origin.
+void add_joints(const Picture& picture, const std::vector<Item>& items, PictureSize size, Figure& figure) {
+  constexpr double kLeastPixels = 1.5;  // radius of a mark, and width of its outline, in a picture of 720 rows
+  const auto drawn = by_id(items);
+  for (const JointMark& mark : joint_marks(picture.joints, picture.bodies, picture.meshes, picture.broken_joints)) {
+    const auto at = drawn.find(index(mark.at)), along = drawn.find(index(mark.along));
+    if (at == drawn.end() || along == drawn.end()) continue;
+    const Pose place = place_of(mark, *at->second->state, *along->second->state);
+    const auto seen = project(figure.camera, size.width, size.height, place.position);
+    if (!seen) continue;
+    const double least = kLeastPixels * seen->metres_per_pixel * std::max(1.0, size.height / 720.0);
+    for (const double rim : {0.0, least}) {
+      const double radius = std::max(mark.radius, least) + rim, half = mark.half_length + rim;
+      const bool is_rod = mark.form == JointMark::Form::rod, is_cube = mark.form == JointMark::Form::cube;
+      Solid solid{.form = is_rod    ? Solid::Form::frustum
+                          : is_cube ? Solid::Form::box
+                                    : Solid::Form::capsule,
+                  .layer = rim > 0.0 ? Solid::Layer::outline : Solid::Layer::line,
+                  .centre = (place.position - figure.origin).cast<float>(),
+                  .turn = place.orientation.toRotationMatrix().cast<float>(),
+                  .size = Vec3(radius, is_rod || is_cube ? radius : 0.0, is_rod ? half : radius).cast<float>(),
+                  .radius = static_cast<float>(std::sqrt(2.0 * radius * radius + half * half)),
+                  .colour = Colour(kJointColour.data())};
+      figure.solids.push_back(solid);
+    }
+  }
+}
+
 }  // namespace
 
 Camera automatic_camera(const Picture& picture, PictureSize size) {
@@ -319,6 +346,7 @@ Figure compose(const Picture& picture, PictureSize size) {
     }
   }
   add_impulse_lines(picture, items, size, figure);
+  add_joints(picture, items, size, figure);
   return figure;
 }
 

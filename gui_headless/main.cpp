@@ -45,6 +45,7 @@ struct DisplayPorts {
 struct Display {
   SceneDescription scene;
   std::vector<UserView> users;
+  std::vector<std::uint32_t> broken_joints;
   double time_s = 0.0;
   std::uint64_t snapshots = 0;
 
@@ -55,12 +56,14 @@ struct Display {
       if (index(moved.id) < scene.states.size()) scene.states[index(moved.id)] = moved.state;
     }
     users = snapshot.users;
+    broken_joints = snapshot.broken_joints;
     time_s = snapshot.stamp_s;
     ++snapshots;
   }
   /// Throws `Error` (failed).
   void write_picture(const std::string& file) const {
-    write_png(file, draw({scene.bodies, scene.states, scene.meshes, users, {}, {}}).image, kOwnMark);
+    write_png(file, draw({scene.bodies, scene.states, scene.meshes, users, {}, {}, scene.joints, broken_joints}).image,
+              kOwnMark);
   }
 };
 

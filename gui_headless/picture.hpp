@@ -1,6 +1,7 @@
 #pragma once
 
 #include "camera.hpp"
+#include "model/joint.hpp"
 #include "model/messages/exchange.hpp"
 
 #include <cstdint>
@@ -36,6 +37,8 @@ struct Picture {
   std::optional<Camera> camera;       ///< none: chosen so that all movable bodies fill the picture
   /// Length of the impulse lines; none: chosen by the largest impulse.
   std::optional<double> line_m_per_n_s;
+  std::span<const Joint> joints = {};  ///< of bodies[i] with the id i
+  std::span<const std::uint32_t> broken_joints = {};
 };
 
 struct PictureSize {
@@ -56,7 +59,8 @@ struct Drawing {
 
 /// Draws the scene as in the paper's figure 13. The proxy is red, the members of a sub-world blue, other movable bodies
 /// light grey. Border bodies are yellow, each with a red line from its centre along the sum of the border impulses on
-/// it. A body in front of a member or of the proxy is translucent. Fixed boxes are glass, planes a ground grid.
+/// it. Joints are magenta marks in front of all bodies. A body in front of a member or of the proxy is translucent.
+/// Fixed boxes are glass, planes a ground grid.
 ///
 /// All is computed here: no graphics card and no driver take part. Throws `Error` (usage) if the given camera is
 /// invalid, or the size is not within 16 .. 8192 pixels.

@@ -7,7 +7,10 @@
 #include "physics/engine.hpp"
 
 #include <algorithm>
+#include <cstdint>
+#include <set>
 #include <span>
+#include <vector>
 
 namespace subworld {
 
@@ -15,7 +18,20 @@ namespace subworld {
 /// since, here.
 class BodiesEnergy {
  public:
-  explicit BodiesEnergy(const Scene& scene) : scene_(scene) {}
+  explicit BodiesEnergy(const Scene& scene) : scene_(scene) {
+    for (const Joint& joint : scene.joints) {
+      if (has_spring(joint)) springs_.push_back(&joint);
+    }
+  }
+  /// These joints have broken, since the start: those that are new to it break in the engine too, and their springs no
+  /// longer count.
+  void break_joints(std::span<const std::uint32_t> broken, Engine& engine) {
+    for (const std::uint32_t joint : broken) {
+      if (joint >= scene_.joints.size() || !broken_.insert(joint).second) continue;
+      engine.break_joint(joint);
+      std::erase(springs_, &scene_.joints[joint]);
+    }
+  }
 
   void follow(const WorldFrame& frame, std::span<const BodyId> members) {
     at_frame_j_ = sum(members, [&frame](BodyId id) -> const BodyState* {
@@ -41,6 +57,14 @@ class BodiesEnergy {
   template <class StateOf>
   [[nodiscard]] double sum(std::span<const BodyId> members, const StateOf& state_of) const {
     double all_j = 0.0;
+    for (const Joint* const joint : springs_) {
+      const auto state = [&](BodyId id) {
+        const BodyState* const at = scene_.body(id).fixed() ? &scene_.initial[index(id)] : state_of(id);
+        return at == nullptr ? scene_.initial[index(id)] : *at;
+      };
+      if (!std::ranges::binary_search(members, joint->a) && !std::ranges::binary_search(members, joint->b)) continue;
+      all_j += spring_energy(*joint, pose_of(state(joint->a)), pose_of(state(joint->b)));
+    }
     for (const BodyId id : members) {
       if (std::ranges::find(scene_.users, id, &UserSpec::proxy) != scene_.users.end()) continue;
       const BodyState* const state = state_of(id);
@@ -53,6 +77,8 @@ class BodiesEnergy {
   }
 
   const Scene& scene_;
+  std::vector<const Joint*> springs_;  ///< joints with springs
+  std::set<std::uint32_t> broken_;
   double at_frame_j_ = 0.0, said_j_ = 0.0, since_j_ = 0.0;
 };
 

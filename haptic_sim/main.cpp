@@ -12,7 +12,8 @@ int main(int argc, char** argv) {
 
     SubWorld sub(scene, static_cast<std::size_t>(options.user));
     EngineExchange exchange(
-        realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
+        realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes,
+        scene.joints);
     watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
     if (realtime) lock_memory();
     const std::set<pid_t> before = own_threads();

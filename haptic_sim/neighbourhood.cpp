@@ -8,6 +8,7 @@
 #include "coupling/sync/synchroniser.hpp"
 #include "haptic_sim/bodies_energy.hpp"
 #include "haptic_sim/peer_forecast.hpp"
+#include "model/surfaces.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -32,8 +33,10 @@ class SimulatedNeighbourhood final : public LocalModel {
         engine_(make_engine(scene.settings.haptic, scene.meshes)),
         synchroniser_(scheme, scene, user),
         bodies_energy_(scene),
+        has_driven_surfaces_(has_driven_surfaces(scene)),
         reads_friction_(!enabled(scene, Optimisation::impulses)),
         border_(scheme.make_sub_world_side(scene, remembered_cycles(scene.settings, scheme))) {
+    engine_.set_joints(scene.joints);
     for (std::vector<BodyId>* list : {&members_, &fixed_, &scratch_}) list->reserve(kUsualMembers);
     peers_.reserve(scene.users.size());
     for (const UserSpec& of : scene.users) peer_work_.emplace_back(of.device.kind);
@@ -67,6 +70,8 @@ class SimulatedNeighbourhood final : public LocalModel {
       }
     }
     border_->end(engine_, dt);
+    for (const JointLoad& load : engine_.joint_loads()) others_work_j_ += std::max(0.0, load.motor_j);
+    if (has_driven_surfaces_) others_work_j_ += std::max(0.0, surface_work(scene_, engine_.contacts()));
     bodies_energy_.observe(engine_, members_);
     observe_contacts(indicators);
     return mean;
@@ -274,13 +279,20 @@ class SimulatedNeighbourhood final : public LocalModel {
       std::vector<BodyId>& have = entering.body.fixed() ? fixed_ : members_;
       const std::vector<BodyId>& want = entering.body.fixed() ? frame.fixed : frame.members;
       if (engine_.contains(id) || !std::ranges::binary_search(want, id)) continue;
-      engine_.add(entering.body, advanced(entering.state, lag_s));
+      Body body = entering.body;
+      const Body& known = scene_.body(id);  // with what messages do not tell
+      body.group = known.group;
+      body.material = known.material;
+      body.surface_velocity = known.surface_velocity;
+      body.surface_turn = known.surface_turn;
+      engine_.add(body, advanced(entering.state, lag_s));
       if (const UserSpec* user = user_of(id)) declutch(*user);
       have.insert(std::ranges::lower_bound(have, id), id);
     }
   }
 
   void follow_border(const WorldFrame& frame, const Age& age, int substeps) {
+    bodies_energy_.break_joints(frame.broken_joints, engine_);
     const Correction part = scheme_.correction({.lag_cycles = age.cycles}, {}, scene_.settings);
     border_->follow(frame, engine_, {.lag_s = age.s, .gain = part.sub, .substeps = substeps});
     border_bodies_ = frame.border_bodies;
@@ -316,6 +328,7 @@ class SimulatedNeighbourhood final : public LocalModel {
   GradualShifts gradual_;
   Synchroniser synchroniser_;
   BodiesEnergy bodies_energy_;
+  bool has_driven_surfaces_;
   bool reads_friction_;  ///< of contacts
   std::unique_ptr<SubWorldSide> border_;
   std::vector<BodyId> members_, fixed_;  ///< ascending

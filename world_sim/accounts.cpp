@@ -29,7 +29,25 @@ WorldAccounts::WorldAccounts(const Scene& scene, std::uint64_t remembered_cycles
     : scene_(scene),
       motions_(scene.bodies.size()),
       energy_j_(remembered_cycles, 0.0),
-      operators_(others_capacity_j(scene, static_cast<std::size_t>(scene.settings.users))) {}
+      operators_(others_capacity_j(scene, static_cast<std::size_t>(scene.settings.users))),
+      in_springs_j_(scene.bodies.size(), 0.0) {
+  for (std::size_t j = 0; j < scene.joints.size(); ++j) {
+    if (has_spring(scene.joints[j])) springs_.push_back(j);
+  }
+}
+
+void WorldAccounts::break_joint(std::size_t joint) {
+  if (std::erase(springs_, joint) > 0) in_springs_j_[index(scene_.joints[joint].a)] = 0.0;
+}
+
+void WorldAccounts::observe_springs(const RestingEngine& engine) {
+  for (const std::size_t j : springs_) in_springs_j_[index(scene_.joints[j].a)] = 0.0;
+  for (const std::size_t j : springs_) {
+    const Joint& joint = scene_.joints[j];
+    in_springs_j_[index(joint.a)] +=
+        spring_energy(joint, pose_of(engine.state(joint.a)), pose_of(engine.state(joint.b)));
+  }
+}
 
 void WorldAccounts::sleeps(const RestingEngine& engine, BodyId id) {
   Motion& motion = motions_[index(id)];
@@ -46,12 +64,15 @@ void WorldAccounts::follow_rest(const RestingEngine& engine) {
 
 double WorldAccounts::potential_j(BodyId id) const noexcept {
   const Body& body = scene_.body(id);
-  return body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
+  const double of_weight_j =
+      body.gravity ? -body.mass * scene_.settings.world.gravity.dot(motions_[index(id)].state.position) : 0.0;
+  return of_weight_j + in_springs_j_[index(id)];
 }
 
 void WorldAccounts::observe(const RestingEngine& engine, std::span<const RatedTool> tools, WorldFacts& facts) {
   facts.kinetic_j = 0.0;
   facts.potential_j = resting_j_;
+  observe_springs(engine);
   above_least_j_ = 0.0;
   for (const BodyId id : engine.awake()) {
     const Body& body = scene_.body(id);
@@ -81,7 +102,9 @@ void WorldAccounts::observe(const RestingEngine& engine, std::span<const RatedTo
   const double energy_j = facts.kinetic_j + facts.potential_j;
   // The proxies' kinetic energy is the operators' work.
   const double of_bodies_j = energy_j - of_operators_j;
-  facts.released_j += facts.stamp > 0 ? std::max(0.0, of_bodies_j_ - of_bodies_j) : of_operators_j;
+  // What nobody explains is not the bodies' to release.
+  const double had_j = std::min(of_bodies_j_, explained_j_);
+  facts.released_j += facts.stamp > 0 ? std::max(0.0, had_j - of_bodies_j) : of_operators_j;
   of_bodies_j_ = of_bodies_j;
   energy_j_[facts.stamp % energy_j_.size()] = energy_j;
 }
@@ -117,7 +140,8 @@ void WorldAccounts::balance(std::span<const UserLink> links, WorldFacts& facts) 
   const std::uint64_t stamp = links.front().reports().newest().stamp;
   if (stamp + energy_j_.size() <= facts.stamp) return;
   const double energy_j = energy_j_[stamp % energy_j_.size()];
-  facts.energy_excess_j = std::max(facts.energy_excess_j, energy_j - start_energy_j_ - given_j);
+  facts.energy_excess_j = std::max(facts.energy_excess_j, energy_j - start_energy_j_ - motors_j_ - given_j);
+  explained_j_ = start_energy_j_ + motors_j_ + given_j;
 }
 
 }  // namespace subworld

@@ -28,8 +28,17 @@ class WorldAccounts {
   void follow_rest(const RestingEngine& engine);
   /// The states of a new stamp.
   void observe(const RestingEngine& engine, std::span<const RatedTool> tools, WorldFacts& facts);
-  /// The energy's start, after settling.
-  void begin(const WorldFacts& facts) noexcept { start_energy_j_ = facts.kinetic_j + facts.potential_j; }
+  /// Motors of joints or driven surfaces have done this work on the bodies, in the cycle under way.
+  void drive_works(double work_j) noexcept {
+    motors_j_ += work_j;
+    fallen_j_ += std::max(0.0, work_j);
+  }
+  /// The springs of a joint that has broken are gone.
+  void break_joint(std::size_t joint);
+  /// The energy's start, after settling. `stored_j`: in the couplings.
+  void begin(const WorldFacts& facts, double stored_j = 0.0) noexcept {
+    explained_j_ = start_energy_j_ = facts.kinetic_j + facts.potential_j + stored_j;
+  }
   /// In place of settling: observes the states, and goes on with the sums of the checkpoint.
   void resume(const WorldCheckpoint& from, const RestingEngine& engine, std::span<const RatedTool> tools,
               WorldFacts& facts);
@@ -41,6 +50,7 @@ class WorldAccounts {
 
  private:
   [[nodiscard]] double potential_j(BodyId id) const noexcept;
+  void observe_springs(const RestingEngine& engine);
 
   const Scene& scene_;
   std::vector<Motion> motions_;    ///< by body
@@ -48,10 +58,14 @@ class WorldAccounts {
   EnergyPort operators_;           ///< of all users as one
   double created_before_j_ = 0.0;  ///< by operators, before the world was resumed
   double start_energy_j_ = 0.0;
-  double resting_j_ = 0.0;      ///< of what sleeps
-  double above_least_j_ = 0.0;  ///< of what is awake: energy above the least that each body has had
-  double fallen_j_ = 0.0;       ///< lost below that and not given to operators
-  double of_bodies_j_ = 0.0;    ///< kinetic and potential, without the proxies' motion
+  double explained_j_ = INFINITY;  ///< at the newest stamp that all users have reported: of the start, and given since
+  double motors_j_ = 0.0;          ///< their work since the start
+  std::vector<std::size_t> springs_;  ///< joints with springs
+  std::vector<double> in_springs_j_;  ///< by body: of the joints in which it is the first one
+  double resting_j_ = 0.0;            ///< of what sleeps
+  double above_least_j_ = 0.0;        ///< of what is awake: energy above the least that each body has had
+  double fallen_j_ = 0.0;             ///< lost below that and not given to operators
+  double of_bodies_j_ = 0.0;          ///< kinetic and potential, without the proxies' motion
 };
 
 }  // namespace subworld

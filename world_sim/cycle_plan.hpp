@@ -26,8 +26,10 @@ class CyclePlan {
 
   /// The world goes on at a stamp that is `step` haptic steps after t = 0.
   void resume(std::uint64_t stamp, std::uint64_t step, int ratio, const RatioChange& planned);
-  /// Sub-steps of the cycle that begins at a stamp, after one of `present`. `longest_s`: step of the engine.
-  [[nodiscard]] int substeps(std::uint64_t stamp, int present, double longest_s, const CycleLoad& load) const;
+  /// Sub-steps of the cycle that begins at a stamp, after one of `present`. `longest_s`: step of the engine. `touches`:
+  /// an operator may touch something.
+  [[nodiscard]] int substeps(std::uint64_t stamp, int present, double longest_s, bool touches,
+                             const CycleLoad& load) const;
   /// Whether the ratio of a later cycle is to be chosen at this stamp.
   [[nodiscard]] bool is_due(std::uint64_t stamp) const noexcept {
     return settings_.adapts_ratio() && timetable_.newest().stamp <= stamp;

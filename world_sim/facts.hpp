@@ -16,6 +16,7 @@ struct WorldView {
   double real_time_factor = 1.0;
   std::vector<BodyState> states;  ///< by body id
   std::vector<UserView> users;
+  std::vector<std::uint32_t> broken_joints;
 };
 
 /// Stages of a cycle of the world process. World::step() consists of `synchronise` to `extract`.

@@ -109,6 +109,7 @@ void FrameMaker::make(const WorldNow& of_world, std::span<const UserLink> links,
     if (sends_changes_ && reports.heard() && !complete) out.base_stamp = reports.newest().confirmed_stamp;
     out.members = user.membership.members;
     out.fixed = user.membership.fixed;
+    out.broken_joints = broken_joints_;
     if (scheme_.properties.has_sub_worlds)
       side_.extract(now, {user.membership, reach, until_heard_s, shared}, user.border, out);
     user.outside[now.stamp % remembered_] = user.border.outside;
@@ -143,6 +144,7 @@ Box FrameMaker::select(User& user, const WorldNow& now, double horizon_s) {
   find_peers(user, now, horizon_s, scheme_.properties.replicates_peers ? scratch_ : before_);
   before_ = chosen.members;
   select_members(scratch_, scene_.bodies, spec.proxy, chosen);
+  budget_.mechanisms().complete(chosen.members);
   if (spec.selection == Selection::budget) {
     Budget budget = user.budget;
     budget.limit_s /= user.selection.cost_factor;

@@ -32,6 +32,13 @@ class FrameMaker {
   /// Makes the frames of one stamp. `links` by user; the published states are moved by `offset_s` (may be negative).
   void make(const WorldNow& now, std::span<const UserLink> links, double offset_s);
 
+  /// The joint has broken: it is in the frames from now on.
+  void break_joint(std::size_t joint) {
+    budget_.mechanisms().break_joint(joint);
+    broken_joints_.push_back(static_cast<std::uint32_t>(joint));
+  }
+  [[nodiscard]] std::span<const std::uint32_t> broken_joints() const noexcept { return broken_joints_; }
+
   /// Whether forces across a border are felt, or may be within `until_s` of simulated time: by the frames of the stamp
   /// before.
   [[nodiscard]] bool border_is_felt(const WorldNow& now, double until_s);
@@ -104,6 +111,7 @@ class FrameMaker {
   std::vector<std::uint8_t> holders_;  ///< by body: sub-worlds that hold it
   std::vector<bool> visited_;          ///< by body, in a walk through contacts
   BudgetSelector budget_;
+  std::vector<std::uint32_t> broken_joints_;
   bool tells_all_pairs_;
   std::vector<UserPull> pulls_;               ///< on proxies
   std::vector<double> operators_j_, work_j_;  ///< by user: work of the operator, since the start and in the last cycle

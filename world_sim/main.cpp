@@ -112,7 +112,8 @@ int main(int argc, char** argv) {
       ports.status.enter("loading");
       World world(resumed ? *resumed : scene, [&](double part) { ports.status.done(part); });
       EngineExchange exchange(
-          realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes);
+          realtime ? EngineExchange::Preparation::in_background : EngineExchange::Preparation::at_once, scene.meshes,
+          scene.joints);
       watch_stop_signals(kLongestEnd_s);  // from here on there is something to end in order
       const TimePoint began = Clock::now();
       ports.describe(scene, world.engine());

@@ -19,6 +19,7 @@ void copy_accounts(const World& world, WorldCheckpoint& to) {
   to.energy_excess_j = now.energy_excess_j;
   to.released_j = now.released_j;
   to.operators_created_j = now.operators_created_j;
+  to.broken_joints.assign(world.broken_joints().begin(), world.broken_joints().end());
   for (std::size_t u = 0; u < to.devices.size(); ++u) to.devices[u] = world.device(u);
 }
 
@@ -28,6 +29,7 @@ void World::resume(const WorldCheckpoint& from) {
   facts_.ratio_changes = from.ratio_changes;
   set_stamp(from.stamp);
   begin_cycle();
+  for (const std::uint32_t joint : from.broken_joints) break_joint(joint);
   contacts_.clear();  // the first step finds them
   for (std::size_t u = 0; u < links_.size(); ++u) links_[u].hold_at(from.devices[u], proxy(u));  // until its user joins
   accounts_.resume(from, engine_, tools_, facts_);

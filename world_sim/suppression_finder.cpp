@@ -30,9 +30,11 @@ void SuppressionFinder::list_obstacles(const Box& place, double time_s, const Wo
   if (!others_.ids.empty()) {
     const double gravity_m_s2 = scene_.settings.world.gravity.norm();
     const double comes_m = reach_m(others_.fastest, others_.longest_arm_m, gravity_m_s2, time_s);
+    now.engine.asleep_in(place.grown(comes_m), asleep_);
+    const bool any_near = !asleep_.empty();
     for (const BodyId id : others_.ids) {
       obstacles_.push_back(now.engine.bounds(id).grown(comes_m));
-      if (pushed_m > 0.0) continue;
+      if (!any_near || pushed_m > 0.0) continue;
       now.engine.asleep_in(obstacles_.back(), asleep_);
       if (!asleep_.empty()) pushed_m = comes_m;
     }

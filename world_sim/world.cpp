@@ -2,6 +2,7 @@
 
 #include "coupling/plan.hpp"
 #include "coupling/sync/blend.hpp"
+#include "model/surfaces.hpp"
 
 #include <algorithm>
 #include <array>
@@ -42,6 +43,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
     : scene_(scene),
       scheme_(scheme_of(scene.settings)),
       side_(scheme_.make_world_side(scene)),
+      has_driven_surfaces_(has_driven_surfaces(scene)),
       live_(make(without_substeps(scene.settings.world), scene.meshes)),
       engine_(live_, scene, proxies_of(scene), enabled(scene, Optimisation::rest), enabled(scene, Optimisation::sway)),
       plan_(scene, scheme_, without_substeps(scene.settings.world)),
@@ -49,6 +51,7 @@ World::World(const Scene& scene, const std::function<void(double)>& progress, co
       shared_(scene),
       frames_(scene, scheme_, *side_, remembered_cycles(scene.settings, scheme_)),
       accounts_(scene, remembered_cycles(scene.settings, scheme_)) {
+  engine_.set_joints(scene.joints);
   const auto users = static_cast<std::size_t>(scene.settings.users);
   links_.reserve(users);
   tools_.reserve(users);
@@ -102,7 +105,13 @@ bool World::settle(const std::function<bool(double)>& progress) {
   }
   account();
   make_frames();
-  accounts_.begin(facts_);
+  double stored_j = 0.0;
+  for (std::size_t u = 0; u < links_.size(); ++u) {
+    const UserSpec& user = scene_.users[u];
+    const DevicePose device{.pose = pose_of(scene_.initial[index(user.proxy)])};
+    if (!user.joins_late) stored_j += coupling_energy(user.coupling, limits_of(user.device), proxy(u), device);
+  }
+  accounts_.begin(facts_, stored_j);
   return true;
 }
 
@@ -126,7 +135,16 @@ bool World::exchange_engine(EngineExchange& exchange) {
 
 void World::begin_cycle() {
   facts_.cycle_s = plan_.cycle_s(facts_.stamp);
-  facts_.substeps = plan_.substeps(facts_.stamp, facts_.substeps, engine_.capabilities().longest_step_s, load());
+  facts_.substeps =
+      plan_.substeps(facts_.stamp, facts_.substeps, engine_.capabilities().longest_step_s, may_touch(), load());
+}
+
+bool World::may_touch() const {
+  if (!scheme_.properties.has_sub_worlds) return true;
+  for (std::size_t u = 0; u < links_.size(); ++u) {
+    if (frames_.membership(u).members.size() > 1) return true;
+  }
+  return false;
 }
 
 bool World::receive(HapticReport&& report) {
@@ -173,7 +191,26 @@ void World::simulate_cycle() {
     drive_proxies(facts_.time_s + (i + 1) * dt, dt);
     engine_.step(dt);
     contacts_.add(i, facts_.substeps);
+    break_joints(dt);
   }
+  if (has_driven_surfaces_) accounts_.drive_works(surface_work(scene_, contacts_.all()));
+}
+
+void World::break_joints(double dt) {
+  const std::span<const JointLoad> loads = engine_.joint_loads();
+  for (std::size_t j = 0; j < loads.size(); ++j) {
+    const Joint& joint = scene_.joints[j];
+    accounts_.drive_works(loads[j].motor_j);
+    if (loads[j].impulse.norm() <= dt * joint.break_force_n && loads[j].turn.norm() <= dt * joint.break_torque_n_m)
+      continue;
+    break_joint(j);
+  }
+}
+
+void World::break_joint(std::size_t joint) {
+  engine_.break_joint(joint);
+  frames_.break_joint(joint);
+  accounts_.break_joint(joint);
 }
 
 void World::rest(double dt) {
@@ -250,6 +287,7 @@ void World::look(WorldView& view) const {
   view.stamp_s = facts_.time_s;
   view.states.resize(scene_.bodies.size());
   for (const Body& body : scene_.bodies) view.states[index(body.id)] = engine_.state(body.id);
+  view.broken_joints.assign(broken_joints().begin(), broken_joints().end());
   view.users.resize(links_.size());
   for (std::size_t u = 0; u < links_.size(); ++u) {
     const ReportInbox& reports = links_[u].reports();

@@ -90,6 +90,8 @@ class World {
   [[nodiscard]] Pose device(std::size_t user) const { return links_[user].device(proxy(user)).pose; }
   /// Allocates only until the view has grown to the world.
   void look(WorldView& view) const;
+  /// Indices, in the order in which they broke.
+  [[nodiscard]] std::span<const std::uint32_t> broken_joints() const noexcept { return frames_.broken_joints(); }
   /// Cycles that are over, and that are coming, in haptic steps.
   [[nodiscard]] const Timetable& timetable() const noexcept { return plan_.timetable(); }
   [[nodiscard]] const RestingEngine& engine() const noexcept { return engine_; }
@@ -120,13 +122,20 @@ class World {
   void set_stamp(std::uint64_t stamp) noexcept;
   [[nodiscard]] CycleLoad load() const { return {engine_.awake().size(), contacts_.all().size()}; }
   void begin_cycle();
+  /// Whether something beside the proxy is in a sub-world. Only an operator's push needs sub-steps in an engine that
+  /// divides its own step.
+  [[nodiscard]] bool may_touch() const;
   /// Lets sleep what rests and wakes what may be reached before the next look, after `dt` of simulation.
   void rest(double dt);
   void simulate_cycle();
+  /// Breaks the joints that carried too much in a step of `dt`.
+  void break_joints(double dt);
+  void break_joint(std::size_t joint);
 
   const Scene& scene_;
   const Scheme& scheme_;
   std::unique_ptr<WorldSide> side_;  ///< of the scheme
+  bool has_driven_surfaces_;
   LiveEngine live_;
   RestingEngine engine_;
   std::vector<UserLink> links_;   ///< by user

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/material.hpp"
 #include "model/types.hpp"
 
 #include <array>
@@ -29,11 +30,6 @@ struct Shape {
 };
 
 /// The pair's friction is the geometric mean of both, its restitution the product.
-struct Material {
-  double friction = 0.5;     ///< Coulomb's mu, static and sliding
-  double restitution = 0.0;  ///< 0 .. 1
-};
-
 /// A part of a compound body: none with parts of its own, no plane, no triangles.
 struct BodyPart {
   Shape shape;
@@ -58,10 +54,15 @@ struct Body {
   double mass = 0.0;            ///< kg; 0: fixed to the world
   Vec3 inertia = Vec3::Zero();  ///< principal moments about the centre of mass, kg m^2; the body frame is principal
   bool gravity = true;
-  bool rotates = true;  ///< false: translates only
+  bool rotates = true;      ///< false: translates only
+  std::uint32_t group = 0;  ///< bodies of one group do not collide with each other; 0: none
   /// Sleeps at the start with all bodies at rest that it touches, until another body can reach it.
   bool at_rest = false;
+  /// The surface of a fixed body slides and turns about the body's origin, as a belt or a turntable does; the body
+  /// stays. World axes, m/s and rad/s; not in messages.
+  Vec3 surface_velocity = Vec3::Zero(), surface_turn = Vec3::Zero();
 
+  [[nodiscard]] bool is_driven() const noexcept { return !surface_velocity.isZero(0.0) || !surface_turn.isZero(0.0); }
   [[nodiscard]] bool fixed() const noexcept { return mass == 0.0; }
 };
 
@@ -72,6 +73,8 @@ struct BodyState {
   Vec3 linear_velocity = Vec3::Zero();   ///< m/s
   Vec3 angular_velocity = Vec3::Zero();  ///< rad/s
 };
+
+[[nodiscard]] inline Pose pose_of(const BodyState& state) { return {state.position, state.orientation}; }
 
 struct StampedBody {
   BodyId id{};

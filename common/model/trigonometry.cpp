@@ -32,4 +32,10 @@ Quat rotation_deg(const Vec3& axis, double degrees) noexcept {
   return {half.cos, half.sin * axis.x(), half.sin * axis.y(), half.sin * axis.z()};
 }
 
+Quat turn_of_z(const Vec3& to) noexcept {
+  const double twice_w = std::sqrt(2.0 * (1.0 + to.z()));
+  if (!(twice_w > 1e-6)) return {0.0, 1.0, 0.0, 0.0};
+  return {0.5 * twice_w, -to.y() / twice_w, to.x() / twice_w, 0.0};
+}
+
 }  // namespace subworld

@@ -16,4 +16,8 @@ struct SinCos {
 /// The rotation about a unit axis.
 [[nodiscard]] Quat rotation_deg(const Vec3& axis, double degrees) noexcept;
 
+/// The shortest turn of the z axis to a unit vector. Quat::FromTwoVectors does the same, and each source that uses it
+/// compiles a singular value decomposition for the one case of opposite vectors.
+[[nodiscard]] Quat turn_of_z(const Vec3& to) noexcept;
+
 }  // namespace subworld

@@ -20,14 +20,21 @@ namespace subworld {
 
 /// Axis times angle of a rotation along the shorter arc, rad.
 [[nodiscard]] inline Vec3 rotation_vector(const Quat& turn) noexcept {
-  const Eigen::AngleAxisd a(turn);
-  return a.angle() * a.axis();
+  const double sine = turn.vec().norm();
+  if (!(sine > 0.0)) return Vec3::Zero();
+  const double angle = 2.0 * std::atan2(sine, std::abs(turn.w()));
+  return angle * (turn.vec() / (turn.w() < 0.0 ? -sine : sine));
 }
 
 /// The orientation after `time_s` (may be negative) at a constant angular velocity (world frame, rad/s).
 [[nodiscard]] inline Quat rotated(const Quat& from, const Vec3& rate_rad_s, double time_s) noexcept {
   const double angle = rate_rad_s.norm() * time_s;
   return angle != 0.0 ? (Quat(Eigen::AngleAxisd(angle, rate_rad_s.normalized())) * from).normalized() : from;
+}
+
+/// Of a symmetric matrix: whether each leading minor is above zero.
+[[nodiscard]] inline bool is_positive_definite(const Eigen::Matrix3d& m) noexcept {
+  return m(0, 0) > 0.0 && m(0, 0) * m(1, 1) > m(0, 1) * m(0, 1) && m.col(0).cross(m.col(1)).dot(m.col(2)) > 0.0;
 }
 
 }  // namespace subworld

@@ -46,8 +46,11 @@ AdapterSlot::AdapterSlot(const Body& body, const Vec3& gravity)
       used(true),
       fixed(body.fixed()),
       rotates(body.rotates),
+      group(body.group),
       shape_kind(body.shape.kind),
       material(body.material),
+      surface_velocity(body.surface_velocity),
+      surface_turn(body.surface_turn),
       mass(body.mass),
       inertia(body.inertia) {
   if (body.gravity && !body.fixed()) weight = body.mass * gravity;
@@ -105,8 +108,26 @@ void refuse_body(BodyId id, const char* why) {
   throw Error(ExitCode::failed, fmt::format("body {} {}", index(id), why));
 }
 
-void refuse_compound(std::string_view engine) {
-  throw Error(ExitCode::usage, fmt::format("{} holds no compound bodies; use bullet, bullet_float or ode", engine));
+void refuse_body(std::string_view engine, const Body& body, std::string_view why) {
+  const std::string name = body.name.empty() ? fmt::format("{}", index(body.id)) : body.name;  // messages have no names
+  throw Error(ExitCode::usage, fmt::format("{} does not hold the body {}: it {}", engine, name, why));
+}
+
+void refuse_turning_friction(std::string_view engine, const Body& body, std::span<const MaterialPair> pairs) {
+  const auto resists = [](const MaterialPair& p) { return p.rolling_friction || p.spinning_friction; };
+  if (resists_turning(body.material) || std::ranges::any_of(pairs, resists))
+    refuse_body(engine, body,
+                resists_turning(body.material)
+                    ? "has a material with rolling or spinning friction; use bullet or bullet_float"
+                    : "is in a scene with a pair that has rolling or spinning friction; use bullet or bullet_float");
+}
+
+void refuse_pairs(std::string_view engine) {
+  throw Error(ExitCode::usage, fmt::format("{} has no pairs of materials; use bullet, bullet_float or ode", engine));
+}
+
+void refuse_joints(std::string_view engine) {
+  throw Error(ExitCode::usage, fmt::format("{} has no joints; use bullet or bullet_float", engine));
 }
 
 }  // namespace subworld

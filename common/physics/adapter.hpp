@@ -30,13 +30,16 @@ struct AdapterSlot {
   bool used = false;  ///< false: no body of this id
   bool fixed = false;
   bool rotates = true;
+  bool ghost = false;
+  std::uint32_t group = 0;
   ShapeKind shape_kind = ShapeKind::sphere;
   Material material;
-  double mass = 0.0;            ///< kg
-  Vec3 inertia = Vec3::Zero();  ///< kg m^2
-  Vec3 weight = Vec3::Zero();   ///< N
-  Vec3 force = Vec3::Zero();    ///< for the next step, N
-  Vec3 torque = Vec3::Zero();   ///< N m
+  Vec3 surface_velocity = Vec3::Zero(), surface_turn = Vec3::Zero();  ///< m/s, rad/s
+  double mass = 0.0;                                                  ///< kg
+  Vec3 inertia = Vec3::Zero();                                        ///< kg m^2
+  Vec3 weight = Vec3::Zero();                                         ///< N
+  Vec3 force = Vec3::Zero();                                          ///< for the next step, N
+  Vec3 torque = Vec3::Zero();                                         ///< N m
 };
 
 /// A body in a checkpoint.
@@ -58,7 +61,12 @@ void save_bodies(std::string_view engine, std::span<const SavedBody> bodies, std
 [[noreturn]] void refuse_checkpoint();
 
 [[noreturn]] void refuse_body(BodyId id, const char* why);
-[[noreturn]] void refuse_compound(std::string_view engine);
+/// `why`: what the engine lacks for it, and the engines that have it.
+[[noreturn]] void refuse_body(std::string_view engine, const Body& body, std::string_view why);
+[[noreturn]] void refuse_joints(std::string_view engine);
+/// Throws if the body or a pair has rolling or spinning friction.
+void refuse_turning_friction(std::string_view engine, const Body& body, std::span<const MaterialPair> pairs);
+[[noreturn]] void refuse_pairs(std::string_view engine);
 
 inline constexpr double kEverywhere = 1e18;  ///< reach of a plane's bounds, in units of length
 
@@ -68,6 +76,25 @@ template <class Slot>
 class Adapter : public Engine {
  public:
   std::string_view name() const noexcept final { return plugin_.name; }
+
+  void set_joints(std::span<const Joint> joints) final {
+    for (const Joint& joint : joints) require(joint);
+    joints_.assign(joints.begin(), joints.end());
+    loads_.assign(joints.size(), {});
+    joined_.assign(joints.size(), false);
+    broken_.assign(joints.size(), false);
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      for (const BodyId id : {joints[j].a, joints[j].b}) {
+        if (index(id) >= joints_of_.size()) joints_of_.resize(index(id) + std::size_t{1});
+        joints_of_[index(id)].push_back(j);
+      }
+    }
+  }
+  void break_joint(std::size_t joint) final {
+    if (joined_.at(joint)) separate(joint);
+    broken_[joint] = true;
+  }
+  std::span<const JointLoad> joint_loads() const noexcept final { return loads_; }
 
   void add(const Body& body, const BodyState& state, Role role) final {
     if (contains(body.id)) refuse_body(body.id, "is in the engine already");
@@ -79,9 +106,18 @@ class Adapter : public Engine {
     if (slot.id >= slots_.size()) slots_.resize(slot.id + std::size_t{1});
     if (!slot.fixed) movable_.push_back(slot.id);
     slots_[slot.id] = std::move(slot);
+    slots_[index(body.id)].ghost = role != Role::body;
+    for (const std::size_t j : joints_of(body.id)) {
+      const bool there = contains(joints_[j].a) && contains(joints_[j].b);
+      if (there && !broken_[j] && !at(joints_[j].a).ghost && !at(joints_[j].b).ghost) join(j);
+    }
     contacts_.clear();
   }
   void remove(BodyId id) final {
+    (void)at(id);
+    for (const std::size_t j : joints_of(id)) {
+      if (joined_[j]) separate(j);
+    }
     destroy(at(id));
     at(id) = {};
     std::erase(movable_, index(id));
@@ -180,6 +216,16 @@ class Adapter : public Engine {
   virtual void put_inertia(Slot& slot) = 0;
   virtual void push(Slot& slot, const Vec3& impulse, const Vec3& point) = 0;
 
+  /// Throws `Error` (usage) for a joint that the engine does not have.
+  virtual void require(const Joint& /*joint*/) const { refuse_joints(name()); }
+  /// Makes a joint between bodies that are there, and removes it.
+  virtual void connect(std::size_t /*joint*/) {}
+  virtual void disconnect(std::size_t /*joint*/) {}
+  /// What the joint did in the sub-step that has just ended.
+  virtual JointLoad take_load(std::size_t /*joint*/) { return {}; }
+  /// Of a joint that acts, at its place now.
+  [[nodiscard]] Contact contact_of(std::size_t joint) const;
+
   /// What a checkpoint has beside the bodies.
   virtual void save_rest(std::span<const SavedBody>, std::vector<std::byte>&) const {}
   /// Called before any body is restored. Throws `Error` if the rest does not fit.
@@ -209,7 +255,16 @@ class Adapter : public Engine {
     const int count = std::max(substeps(dt), least);
     contacts_.clear();
     clock_.start();
-    for (int i = 0; i < count; ++i) substep(dt / count, i);
+    loads_.assign(joints_.size(), {});
+    for (int i = 0; i < count; ++i) {
+      substep(dt / count, i);
+      for (std::size_t j = 0; j < joints_.size(); ++j) {
+        if (joined_[j]) loads_[j] += take_load(j);
+      }
+    }
+    for (std::size_t j = 0; j < joints_.size(); ++j) {
+      if (joined_[j]) contacts_.add(contact_of(j), count, 0.0);
+    }
     for (const std::uint32_t id : movable_) slots_[id].force = slots_[id].torque = Vec3::Zero();
     contacts_.merge();
     clock_.ends(&EngineTimes::totals_s);
@@ -220,8 +275,25 @@ class Adapter : public Engine {
   std::vector<Slot> slots_;             ///< by id
   std::vector<std::uint32_t> movable_;  ///< ids, in the order of adding
   ContactTotals contacts_;
+  std::vector<Joint> joints_;
 
  private:
+  [[nodiscard]] std::span<const std::size_t> joints_of(BodyId id) const noexcept {
+    if (index(id) >= joints_of_.size()) return {};
+    return joints_of_[index(id)];
+  }
+  void join(std::size_t joint) {
+    connect(joint);
+    joined_[joint] = true;
+  }
+  void separate(std::size_t joint) {
+    disconnect(joint);
+    joined_[joint] = false;
+  }
+
+  std::vector<std::vector<std::size_t>> joints_of_;  ///< by body
+  std::vector<bool> joined_, broken_;                ///< by joint
+  std::vector<JointLoad> loads_;
   Vec3 gravity_;
   std::optional<int> fixed_substeps_;
   double longest_substep_s_;
@@ -231,6 +303,19 @@ class Adapter : public Engine {
 template <class Engine_>
 std::unique_ptr<Engine> make_adapter(const EngineSettings& settings, std::span<const Mesh> meshes) {
   return std::make_unique<Engine_>(settings, meshes);
+}
+
+template <class Slot>
+Contact Adapter<Slot>::contact_of(std::size_t j) const {
+  const Joint& joint = joints_[j];
+  const BodyState at = state(joint.a);
+  Contact contact{.a = joint.a, .b = joint.b, .normal = Vec3::Zero(), .tangential_impulse = loads_[j].impulse};
+  contact.point = (Pose{at.position, at.orientation} * joint.in_a).position;
+  if (index(contact.a) > index(contact.b)) {
+    std::swap(contact.a, contact.b);
+    contact.tangential_impulse *= -1.0;
+  }
+  return contact;
 }
 
 }  // namespace subworld

@@ -109,7 +109,7 @@ std::size_t ContactTotals::find(const Collected& wanted, std::size_t begin) cons
   for (std::size_t i = begin; i < contacts_.size(); ++i) {
     if (last_seen_[i] == wanted.substep) continue;
     const double squared = (contacts_[i].point - wanted.contact.point).squaredNorm();
-    if (squared > nearest_squared) continue;
+    if (squared > nearest_squared || contacts_[i].is_joint() != wanted.contact.is_joint()) continue;
     nearest_squared = squared;
     nearest = i;
   }

@@ -23,6 +23,7 @@ struct Capabilities {
   Fidelity normal_impulse = Fidelity::absent;
   Fidelity tangential_impulse = Fidelity::absent;
   Fidelity gyroscopic = Fidelity::absent;
+  Fidelity joints = Fidelity::absent;
   Fidelity checkpoint = Fidelity::absent;  ///< exact: a restored engine continues bit by bit
   bool deterministic = false;              ///< equal calls give equal bits
   double precision = 1e-15;                ///< relative, of the engine's numbers
@@ -48,6 +49,14 @@ class Engine {
 
   [[nodiscard]] virtual std::string_view name() const noexcept = 0;
   [[nodiscard]] virtual Capabilities capabilities() const noexcept = 0;
+
+  /// The scene's joints, once, before the first body. Each acts while both of its bodies are in the engine, neither a
+  /// ghost, and is then listed as a contact without a normal. Throws `Error` (usage) if a kind is not supported.
+  virtual void set_joints(std::span<const Joint> joints) = 0;
+  /// Ends the action of a joint, by its index; it has broken.
+  virtual void break_joint(std::size_t /*joint*/) {}
+  /// What each joint did in the last step.
+  [[nodiscard]] virtual std::span<const JointLoad> joint_loads() const noexcept { return {}; }
 
   /// Adds a body that is not in the engine. Throws `Error` if the shape is not supported.
   virtual void add(const Body& body, const BodyState& state, Role role) = 0;

@@ -1,6 +1,7 @@
 #include "plugin/library.hpp"
 
 #include "model/error.hpp"
+#include "model/places.hpp"
 
 #include <dlfcn.h>
 #include <fmt/core.h>
@@ -24,9 +25,7 @@ std::vector<fs::path> folders_of(const PluginKind& kind) {
       if (!folder.empty()) folders.emplace_back(folder.begin(), folder.end());
     }
   }
-  std::error_code ignored;
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  if (!program.empty()) folders.push_back(program.parent_path());
+  folders.push_back(program_folder());
   return folders;
 }
 

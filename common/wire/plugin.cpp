@@ -1,6 +1,7 @@
 #include "wire/plugin.hpp"
 
 #include "model/joined.hpp"
+#include "model/places.hpp"
 #include "model/settings/network.hpp"
 
 #include <arpa/inet.h>
@@ -43,11 +44,6 @@ const char* settings_variable(Vendor vendor) {
 }
 
 [[noreturn]] void fail(const std::string& message) { throw Error(ExitCode::middleware, message); }
-
-std::filesystem::path program_folder() {
-  std::error_code ignored;
-  return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
-}
 
 std::string to_text(const in_addr& address) {
   std::array<char, INET_ADDRSTRLEN> text{};

@@ -2,10 +2,10 @@
 #include "io/results/output.hpp"
 #include "io/version.hpp"
 #include "model/error.hpp"
+#include "model/places.hpp"
 #include "physics/engine.hpp"
 #include "physics/plugin.hpp"
 #include "rt/calibration.hpp"
-#include "tools.hpp"
 #include "wire/plugin.hpp"
 
 #include <fcntl.h>
@@ -133,7 +133,7 @@ std::string first_line_of(const std::string& command) {
 }
 
 InstalledPart program_part(const std::string& name) {
-  const std::string file = program_folder() + "/" + name;
+  const std::string file = (program_folder() / name).string();
   InstalledPart part{.name = name, .version = {}, .fault = {}, .cure = "deploy/build demo"};
   if (access(file.c_str(), X_OK) == 0) part.version = first_line_of(shell_word(file) + " --version 2>&1");
   if (part.version.empty()) {

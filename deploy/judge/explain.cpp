@@ -1,7 +1,7 @@
 #include "judge/explain.hpp"
 
 #include "coupling/schemes/scheme.hpp"
-#include "io/options/command_line.hpp"
+#include "io/options/manual.hpp"
 #include "judge/summary.hpp"
 
 #include <fmt/core.h>

@@ -74,10 +74,11 @@ std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
     if (reason.empty()) reason = fmt::format("{}: {}", gate.figure(), gate.cause.why);
   }
   // One reason is enough; `gates` has all of them. A foreign writer may be the cause of any other.
-  const std::string absences = absences_text(run);
-  if (!unstable.empty()) return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign) + absences;
+  const std::string absences = absences_text(run), delay = delay_remark(run);
+  if (!unstable.empty())
+    return "unstable: " + unstable + (foreign.empty() ? "" : "; also " + foreign) + absences + delay;
   if (!foreign.empty() || !missed.empty())
-    return "quality gate missed: " + (foreign.empty() ? missed : foreign) + absences;
+    return "quality gate missed: " + (foreign.empty() ? missed : foreign) + absences + delay;
   std::string text = "ok" + absences + os_remark(run);
   for (const Gate& gate : gates) {
     const bool said = gate.name.ends_with(kMissedByTheOs);
@@ -87,7 +88,7 @@ std::string verdict_of(const std::vector<Gate>& gates, const RunResults& run) {
                           : gate.cause.culprit == Culprit::network ? ", by the network"
                                                                    : "");
   }
-  return text + delay_remark(run);
+  return text + delay;
 }
 
 }  // namespace subworld

@@ -238,15 +238,6 @@ void warn_of_stiffness(const UserSpec& user, const Settings& settings, bool boun
       bounded));
 }
 
-/// That there is such an engine and preset. Throws `Error` (usage) that names the place.
-void check_engine(const EngineSettings& settings, const std::string& where) {
-  try {
-    (void)make_engine(settings, {});
-  } catch (const Error& error) {
-    throw Error(error.code(), fmt::format("{}: {}", where, error.what()));
-  }
-}
-
 /// World and sub-worlds exchange messages once a cycle.
 void warn_of_few_cycles(const Settings& s, std::vector<std::string>& out) {
   constexpr double kFew = 5.0;
@@ -276,7 +267,6 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
   std::vector<std::string> out;
   for (const Place& at : {Place{"world", s.world, engine_plugin(s.world.name), s.shortest_cycle_s()},
                           Place{"haptic", s.haptic, engine_plugin(s.haptic.name), s.h_s}}) {
-    warn_of_refused_bodies(scene, at.settings, at.name, out);
     warn_of_small_boxes(scene, at, out);
     warn_of_the_planes_end(scene, at, out);
     warn_of_far_bodies(scene, at, out);
@@ -287,7 +277,10 @@ std::vector<std::string> beyond_limits(const Scene& scene) {
   for (std::size_t u = 0; u < scene.users.size(); ++u) {
     warn_of_stiffness(scene.users[u], s, !enabled(scene, Optimisation::energy_bound, u), out);
   }
+  for (const std::string& refused : refused_bodies(scene, s.haptic))
+    out.push_back(fmt::format("haptic: the run will fail once this body is in a sub-world: {}", refused));
   warn_of_slips(scene, out);
+  warn_of_double_joints(scene, out);
   warn_of_the_start(scene, out);
   warn_of_few_cycles(s, out);
   warn_of_disabled(scene, out);
@@ -343,8 +336,12 @@ void check_request(const Scene& scene, const RunRequest& request) {
     const bool preset = !flag_of(request.options, of + ".preset").empty();
     return where(of + (preset ? ".preset" : ".engine"), ": settings." + of);
   };
-  check_engine(scene.settings.world, of_engine("world"));
-  check_engine(scene.settings.haptic, of_engine("haptic"));
+  check_engine(scene, scene.settings.world, of_engine("world"));
+  check_engine(scene, scene.settings.haptic, of_engine("haptic"));
+  std::string refusal;
+  for (const std::string& refused : refused_bodies(scene, scene.settings.world))
+    refusal += fmt::format("{}{}: {}", refusal.empty() ? "" : "\n", of_engine("world"), refused);
+  if (!refusal.empty()) throw Error(ExitCode::usage, refusal);
   for (const std::string& warning : beyond_limits(scene)) fmt::print(stderr, "subworld: {}\n", warning);
 }
 

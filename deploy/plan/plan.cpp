@@ -1,5 +1,7 @@
 #include "coupling/plan.hpp"
 #include "coupling/schemes/scheme.hpp"
+#include "model/joined.hpp"
+#include "model/mechanisms.hpp"
 #include "physics/plugin.hpp"
 #include "plan/limits.hpp"
 #include "run/run.hpp"
@@ -9,7 +11,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace subworld {
@@ -32,9 +36,10 @@ std::string describe_engine(const EngineSettings& settings) {
   const Capabilities can = make_engine(settings, {})->capabilities();
   return fmt::format(
       "engine {} ({}; licence {}), preset {}: {}{}\n"
-      "    normal impulses {}, friction impulses {}, gyroscopic torque {}, checkpoint {}, {}; unit of length {:g} m\n",
+      "    normal impulses {}, friction impulses {}, gyroscopic torque {}, joints {}, checkpoint {}, {}; unit of "
+      "length {:g} m\n",
       plugin.name, plugin.version, plugin.licence, settings.preset, plugin.presets[preset].what, asked,
-      fidelity(can.normal_impulse), fidelity(can.tangential_impulse), fidelity(can.gyroscopic),
+      fidelity(can.normal_impulse), fidelity(can.tangential_impulse), fidelity(can.gyroscopic), fidelity(can.joints),
       fidelity(can.checkpoint), can.deterministic ? "deterministic" : "not deterministic", settings.length_unit_m);
 }
 
@@ -88,10 +93,11 @@ std::vector<std::string> advice(const Scene& scene) {
   int ratio = s.largest_ratio();
   while (ratio <= kMostRatio && step_s(ratio * s.h_s) > kRoom * ratio * s.h_s) ++ratio;
   constexpr double kLongest_s = 0.05;  // beyond it, the operator feels the delay of the world
-  return {ratio * s.h_s > kLongest_s ? problem +
-                                           ": in real time its clock slows until most of them rest; choose a faster "
-                                           "engine or preset, or fewer bodies"
-                                     : fmt::format("{}: for real time choose --ratio {}-{}", problem, s.ratio, ratio)};
+  return {ratio * s.h_s > kLongest_s
+              ? problem +
+                    ": in real time its clock slows until most of them rest; choose a faster "
+                    "engine or preset (large of bullet_float is for such worlds), or fewer bodies"
+              : fmt::format("{}: for real time choose --ratio {}-{}", problem, s.ratio, ratio)};
 }
 
 /// A feature that costs something, in use or saved.
@@ -156,6 +162,23 @@ void print_settings(Scene scene) {
   }
 }
 
+/// "3 hinges and 1 slider; the largest mechanism has 4 bodies, ..."
+std::string describe_joints(const Scene& scene) {
+  std::map<std::string_view, std::size_t> kinds;
+  for (const Joint& joint : scene.joints) ++kinds[name_of(joint.kind)];
+  std::vector<std::string> parts;
+  for (const auto& [kind, count] : kinds) parts.push_back(fmt::format("{} {}", count, kind));
+  const Mechanisms mechanisms(scene);
+  std::size_t largest = 1;
+  for (const Body& body : scene.bodies) largest = std::max(largest, mechanisms.of(body.id).size());
+  const Settings& s = scene.settings;
+  const double step_s = engine_cost(s.haptic).step(s.h_s).of(largest, largest);
+  const std::string cost = fmt::format("{:.2g} ms of a haptic step of {:g} ms", 1e3 * step_s, 1e3 * s.h_s);
+  return fmt::format("{}; the largest mechanism has {} {}, which enter a sub-world together: {}{}", joined(parts, ", "),
+                     largest, largest == 1 ? "body" : "bodies", cost,
+                     step_s > s.h_s ? ": too many for real time; take a shorter chain or a longer h_s" : "");
+}
+
 }  // namespace
 
 void print_plan(const RunRequest& request, bool settings) {
@@ -169,6 +192,13 @@ void print_plan(const RunRequest& request, bool settings) {
   const bool realtime = s.mode == Mode::realtime;
   fmt::print("{}: {} movable and {} fixed bodies, {} of {} users\n", scene.name, movable, scene.bodies.size() - movable,
              s.users, scene.users.size());
+  if (!scene.joints.empty()) fmt::print("  joints: {}\n", describe_joints(scene));
+  for (const DividedMesh& mesh : scene.divided) {
+    fmt::print("  movable mesh {}: {} convex part(s), at most {:.2g} mm from it{}{}\n", mesh.file, mesh.parts,
+               1e3 * mesh.error_m,
+               mesh.error_m > mesh.concavity_m ? "; try another decompose.concavity_m, or raise most_parts" : "",
+               mesh.cache.empty() ? "" : fmt::format(" ({})", mesh.cache));
+  }
   fmt::print("  processes: world_sim, {0} haptic_sim, {0} device_sim{1}\n", s.users, gui ? ", gui_headless" : "");
   fmt::print("  limit: {}; a scene has at most {} users\n", user_limit(std::max(0, request.domain)), kMostUsers);
   fmt::print("  clock: {}; h = {:g} ms, r = {}, T = {}\n", realtime ? "real time" : "lock-step", 1e3 * s.h_s,

@@ -10,9 +10,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
+#include <tuple>
 #include <utility>
 
 namespace subworld {
@@ -26,6 +29,7 @@ std::vector<Contact> contacts_at_the_start(const Scene& scene) {
   settings.gravity = scene.settings.world.gravity;
   try {
     const auto engine = make_engine(settings, scene.meshes);
+    engine->set_joints(scene.joints);  // bodies that are joined may overlap
     for (const Body& body : scene.bodies) {
       const bool later = std::ranges::any_of(
           scene.users, [&](const UserSpec& user) { return user.joins_late && user.proxy == body.id; });
@@ -80,7 +84,34 @@ void warn_of_slips(const Scene& scene, std::vector<std::string>& out) {
   }
 }
 
+void warn_of_double_joints(const Scene& scene, std::vector<std::string>& out) {
+  std::map<std::pair<std::optional<BodyId>, std::optional<BodyId>>, const Joint*> known;  // none: any fixed body
+  std::vector<std::string> twice;
+  for (const Joint& joint : scene.joints) {
+    const bool breaks = std::isfinite(joint.break_force_n) || std::isfinite(joint.break_torque_n_m);
+    if (joint.kind != JointKind::fixed || breaks) continue;
+    const auto of = [&](BodyId id) { return scene.body(id).fixed() ? std::nullopt : std::optional(id); };
+    const auto [first, is_new] = known.try_emplace(std::minmax(of(joint.a), of(joint.b)), &joint);
+    if (is_new) continue;
+    const bool turned = scene.body(joint.a).fixed();
+    twice.push_back(fmt::format("{} and {} both fix {} to {}", first->second->name, joint.name,
+                                scene.body(turned ? joint.b : joint.a).name,
+                                of(joint.a) && of(joint.b) ? scene.body(joint.b).name : "fixed bodies"));
+  }
+  if (!twice.empty()) {
+    out.push_back(fmt::format("joints {}: one is enough, and how two share the load is not determined. Remove one",
+                              listed(twice)));
+  }
+}
+
 void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
+  for (const DividedMesh& mesh : scene.divided) {
+    if (mesh.error_m > mesh.concavity_m)
+      out.push_back(
+          fmt::format("{}: its convex parts are up to {:.2g} mm from the mesh; try another "
+                      "decompose.concavity_m, or raise most_parts",
+                      mesh.file, 1e3 * mesh.error_m));
+  }
   constexpr std::size_t kMostBodies = 5000;  // more take too long for a warning
   constexpr double kDeep = 0.05;             // of the thinner one's thickness
   if (scene.bodies.size() > kMostBodies) return;
@@ -119,17 +150,27 @@ void warn_of_the_start(const Scene& scene, std::vector<std::string>& out) {
   }
 }
 
-void warn_of_refused_bodies(const Scene& scene, const EngineSettings& settings, const char* where,
-                            std::vector<std::string>& out) {
-  std::set<ShapeKind> tried;
+void check_engine(const Scene& scene, const EngineSettings& settings, const std::string& where) {
+  try {
+    make_engine(settings, scene.meshes)->set_joints(scene.joints);
+  } catch (const Error& error) {
+    throw Error(error.code(), fmt::format("{}: {}", where, error.what()));
+  }
+}
+
+std::vector<std::string> refused_bodies(const Scene& scene, const EngineSettings& settings) {
+  std::vector<std::string> refused;
+  std::set<std::tuple<ShapeKind, bool, bool, bool>> tried;
   for (const Body& body : scene.bodies) {
-    if (!tried.insert(body.shape.kind).second) continue;
+    if (!tried.insert({body.shape.kind, body.is_driven(), body.group != 0, resists_turning(body.material)}).second)
+      continue;
     try {
       make_engine(settings, scene.meshes)->add(body, scene.initial[index(body.id)]);
     } catch (const Error& e) {
-      out.push_back(fmt::format("{}: the run will fail at the body {}: {}", where, body.name, e.what()));
+      refused.emplace_back(e.what());
     }
   }
+  return refused;
 }
 
 }  // namespace subworld

@@ -22,9 +22,12 @@ std::vector<std::string> names_of(const Scene& scene, const Holds& holds) {
 
 /// Bodies with a density that no material has, and that one has if the body was described in mm, cm or g.
 void warn_of_slips(const Scene& scene, std::vector<std::string>& out);
-/// The first body of each kind of shape that an engine refuses. `where`: "world" or "haptic".
-void warn_of_refused_bodies(const Scene& scene, const EngineSettings& settings, const char* where,
-                            std::vector<std::string>& out);
+/// Joints that fix two bodies to each other, or a body to the world, once more. Those that break are not meant.
+void warn_of_double_joints(const Scene& scene, std::vector<std::string>& out);
+/// That there is such an engine and preset, for the scene's pairs and joints. Throws `Error` that names the place.
+void check_engine(const Scene& scene, const EngineSettings& settings, const std::string& where);
+/// What the engine says of the first body of each kind that it does not hold.
+[[nodiscard]] std::vector<std::string> refused_bodies(const Scene& scene, const EngineSettings& settings);
 /// Bodies that overlap, and bodies at rest that nothing supports.
 void warn_of_the_start(const Scene& scene, std::vector<std::string>& out);
 

@@ -83,11 +83,12 @@ void Player::publish_scene() {
 
 std::optional<double> Player::time_of(const mcap::Chunk& chunk, bool last) {
   std::optional<double> time_s;
+  WorldSnapshot snapshot;
   for (const mcap::Message& message : chunk.messages) {
     const auto at = channels_.find(message.channel);
-    if (at == channels_.end() || at->second.topic != kSnapshotTopic || !snapshot_codec_.decode(message.data, snapshot_))
+    if (at == channels_.end() || at->second.topic != kSnapshotTopic || !snapshot_codec_.decode(message.data, snapshot))
       continue;
-    time_s = snapshot_.stamp_s;
+    time_s = snapshot.stamp_s;
     if (!last) break;
   }
   return time_s;
@@ -160,8 +161,9 @@ void Player::move_to(double time_s) {
     learn(last);
   }
   published_s_ = found ? last.stamp_s : due_.empty() ? 0.0 : due_.front().time_s;
+  snapshot_ = last;
+  snapshot_.stamp_s = published_s_;
   if (found) {
-    snapshot_ = last;
     publish_snapshot();
     ++published_;
   }

@@ -5,13 +5,13 @@
 #include "io/results/output.hpp"
 #include "io/results/replacing.hpp"
 #include "model/error.hpp"
+#include "model/places.hpp"
 #include "model/settings/presence.hpp"
 #include "record/player.hpp"
 #include "record/recording.hpp"
 #include "rt/stop.hpp"
 #include "run/claim.hpp"
 #include "run/page.hpp"
-#include "tools.hpp"
 #include "wire/bus.hpp"
 
 #include <fmt/core.h>
@@ -157,7 +157,7 @@ class ReplayDisplay {
 
 int publish(ReplayRequest request, mcap::Reader& reader, const Attachments& attachments, const Recorded& recorded) {
   const std::string folder = folder_of(request), scene_file = extract_scene(folder, attachments);
-  std::vector<std::string> words{program_folder() + "/gui_headless", scene_file};
+  std::vector<std::string> words{(program_folder() / "gui_headless").string(), scene_file};
   for (const std::string& flag : flags_of_run(recorded.settings)) words.push_back(flag);
   Settings settings;
   settings.mode = recorded.repeats() ? Mode::lockstep : Mode::realtime;
@@ -205,7 +205,7 @@ int resimulate(const ReplayRequest& request, const Attachments& attachments, con
                 fmt::format("{}: holds no state hash to compare with; --page shows what it holds", request.file));
   }
   const std::string folder = folder_of(request), scene = extract_scene(folder, attachments);
-  std::vector<std::string> words{program_folder() + "/subworld", "run", scene};
+  std::vector<std::string> words{(program_folder() / "subworld").string(), "run", scene};
   for (const std::string& flag : flags_of_run(recorded.settings)) words.push_back(flag);
   const double simulated_s = recorded.summary.value("simulated_s", 0.0);
   if (simulated_s == 0.0)

@@ -1,7 +1,7 @@
 #include "session/host.hpp"
 
 #include "link/settings.hpp"
-#include "tools.hpp"
+#include "model/places.hpp"
 
 #include <fmt/core.h>
 
@@ -14,7 +14,7 @@ Command Host::command(const RunProgram& program, std::vector<std::string> flags,
   const auto has = [&](const char* checkpoint) { return std::filesystem::exists(folder_here_ + "/" + checkpoint); };
   if (again && program.name == "world_sim" && (has("world_0.checkpoint") || has("world_1.checkpoint")))
     flags.insert(flags.end(), {"--resume", folder_here_});  // of several the last counts
-  Command command{program_folder() + "/" + program.name, std::move(flags)};
+  Command command{(program_folder() / program.name).string(), std::move(flags)};
   if (inside_ != nullptr) command.enter = [inside = inside_] { return inside->enter(); };
   return command;
 }

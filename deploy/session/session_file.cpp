@@ -1,8 +1,8 @@
 #include "session/session_file.hpp"
 
-#include "io/options/scene_name.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
+#include "model/places.hpp"
 #include "model/scene/yaml_reader.hpp"
 #include "model/shapes/nearest.hpp"
 
@@ -112,11 +112,11 @@ bool Session::runs(const RunProgram& program) const {
 
 namespace {
 
-/// The file that a command line gives by its path, or by its name in deploy/sessions.
+/// The file that a command line gives by its path, or by its name in the folder of sessions.
 std::string session_file(const std::string& session) {
   namespace fs = std::filesystem;
   std::error_code unreadable;  // reading the file reports the reason
-  const fs::path folder = scenes_folder().parent_path() / "sessions";
+  const fs::path folder = data_folder("sessions");
   if (fs::exists(session, unreadable) || session.find('/') != std::string::npos || !fs::is_directory(folder))
     return session;
   std::vector<std::string> names;
@@ -125,9 +125,8 @@ std::string session_file(const std::string& session) {
   }
   std::ranges::sort(names);
   if (std::ranges::find(names, session) != names.end()) return (folder / (session + ".yaml")).string();
-  throw Error(ExitCode::usage,
-              fmt::format("\"{}\" is neither a file nor the name of a session in deploy/sessions; those are {}",
-                          session, joined(names, ", ")));
+  throw Error(ExitCode::usage, fmt::format("\"{}\" is neither a file nor the name of a session in {}; those are {}",
+                                           session, folder.string(), joined(names, ", ")));
 }
 
 Session read_session(const std::string& file) {

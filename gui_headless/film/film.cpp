@@ -73,12 +73,14 @@ class RecordedWorld {
   }
   [[nodiscard]] const std::vector<BodyState>& states() const noexcept { return shown_; }
   [[nodiscard]] const std::vector<UserView>& users() const noexcept { return before_.users; }
+  [[nodiscard]] const std::vector<std::uint32_t>& broken_joints() const noexcept { return before_.broken_joints; }
 
  private:
   struct Moment {
     double time_s = 0.0;
     std::vector<BodyState> states;
     std::vector<UserView> users;
+    std::vector<std::uint32_t> broken_joints = {};
   };
 
   [[nodiscard]] std::uint16_t channel_of(const std::string& topic) const {
@@ -111,6 +113,7 @@ class RecordedWorld {
       if (index(moved.id) < after_.states.size()) after_.states[index(moved.id)] = moved.state;
     after_.time_s = read_.front().stamp_s;
     after_.users = std::move(read_.front().users);
+    after_.broken_joints = std::move(read_.front().broken_joints);
     read_.pop_front();
     return true;
   }
@@ -258,7 +261,9 @@ int make_film(const Request& request) {
                                   .meshes = world.scene().meshes,
                                   .users = world.users(),
                                   .camera = camera,
-                                  .line_m_per_n_s = line_m_per_n_s},
+                                  .line_m_per_n_s = line_m_per_n_s,
+                                  .joints = world.scene().joints,
+                                  .broken_joints = world.broken_joints()},
                                  request.size);
     if (drawing.line_m_per_n_s > 0.0) line_m_per_n_s = drawing.line_m_per_n_s;
     write_png(files[i + 1], drawing.image, kOwnMark);

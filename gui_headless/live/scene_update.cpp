@@ -1,5 +1,7 @@
 #include "scene_update.hpp"
 
+#include "joint_marks.hpp"
+#include "model/trigonometry.hpp"
 #include "written.hpp"
 
 #include <Eigen/Geometry>
@@ -14,7 +16,8 @@ namespace {
 
 using Colour = std::array<double, 4>;
 constexpr Colour kProxy{0.85, 0.12, 0.10, 1.0}, kMember{0.20, 0.40, 0.85, 1.0}, kBorder{0.95, 0.80, 0.15, 1.0},
-    kOther{0.82, 0.82, 0.82, 1.0}, kFixed{0.55, 0.60, 0.65, 0.35}, kForce{0.85, 0.12, 0.10, 1.0};
+    kOther{0.82, 0.82, 0.82, 1.0}, kFixed{0.55, 0.60, 0.65, 0.35}, kForce{0.85, 0.12, 0.10, 1.0},
+    kJoint{kJointColour[0], kJointColour[1], kJointColour[2], 1.0};
 constexpr double kPlane_m = 4.0, kThin_m = 1e-3, kLeastForce_n = 1e-3, kArrowWidth_m = 0.004;
 
 std::vector<Colour> colours_of(const SceneDescription& scene, std::span<const UserView> users) {
@@ -76,6 +79,19 @@ struct Primitives {
   }
 };
 
+Primitives joints_of(const SceneDescription& scene, std::span<const BodyState> states,
+                     std::span<const std::uint32_t> broken) {
+  Primitives joints;
+  for (const JointMark& mark : joint_marks(scene.joints, scene.bodies, scene.meshes, broken)) {
+    const Pose place = place_of(mark, states[index(mark.at)], states[index(mark.along)]);
+    const bool is_rod = mark.form == JointMark::Form::rod;
+    const double wide = 2.0 * mark.radius;
+    auto& blocks = is_rod ? joints.cylinders : mark.form == JointMark::Form::sphere ? joints.spheres : joints.cubes;
+    blocks.push_back({place.position, place.orientation, {wide, wide, is_rod ? 2.0 * mark.half_length : wide}, kJoint});
+  }
+  return joints;
+}
+
 void put_numbers(CdrWriter& cdr, const auto& numbers) {
   for (const double number : numbers) cdr("", number);
 }
@@ -124,7 +140,7 @@ void put_entity(CdrWriter& cdr, const char* id, std::uint64_t time_ns, const Pri
 
 std::vector<std::uint8_t> scene_update(const SceneDescription& scene, std::span<const BodyState> states,
                                        std::span<const UserView> users, std::span<const Vec3> forces_n,
-                                       std::uint64_t time_ns) {
+                                       std::span<const std::uint32_t> broken_joints, std::uint64_t time_ns) {
   const std::vector<Colour> colours = colours_of(scene, users);
   Primitives fixed, movable, forces;
   for (std::size_t i = 0; i < std::min(scene.bodies.size(), states.size()); ++i)
@@ -133,15 +149,17 @@ std::vector<std::uint8_t> scene_update(const SceneDescription& scene, std::span<
     if (index(user.proxy) >= states.size() || index(user.user) >= forces_n.size()) continue;
     const Vec3& force_n = forces_n[index(user.user)];
     if (!(force_n.norm() > kLeastForce_n)) continue;
-    forces.arrows.push_back({states[index(user.proxy)].position, Quat::FromTwoVectors(Vec3::UnitX(), force_n),
-                             Vec3(kArrow_m_per_n * force_n.norm(), 0.0, 0.0), kForce});  // it points along x
+    const Quat along = turn_of_z(force_n.normalized()) * rotation_deg(Vec3::UnitY(), -90.0);  // an arrow points along x
+    forces.arrows.push_back(
+        {states[index(user.proxy)].position, along, Vec3(kArrow_m_per_n * force_n.norm(), 0.0, 0.0), kForce});
   }
   return written([&](CdrWriter& cdr) {
     cdr("", std::uint32_t{0});  // deletions
-    cdr("", std::uint32_t{3});  // entities
+    cdr("", std::uint32_t{4});  // entities
     put_entity(cdr, "fixed", time_ns, fixed);
     put_entity(cdr, "bodies", time_ns, movable);
     put_entity(cdr, "forces", time_ns, forces);
+    put_entity(cdr, "joints", time_ns, joints_of(scene, states, broken_joints));
   });
 }
 

@@ -33,7 +33,7 @@ constexpr std::size_t kMostConnections = 64, kMostSubscriptions = 1024;
 constexpr int kSendBufferBytes = 256 << 10;                       // of the kernel, for each client
 constexpr unsigned kHeaderBytes = 8U << 10U, kRequestTime_s = 5;  // at most, of a request
 constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};   // the highest rate of a channel
-constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{500};
+constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{2000};
 
 constexpr std::string_view kOrderTopic = "/control";
 }  // namespace

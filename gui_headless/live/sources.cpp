@@ -1,6 +1,7 @@
 #include "sources.hpp"
 
 #include "io/results/json.hpp"
+#include "joint_marks.hpp"
 #include "scene_update.hpp"
 #include "tools.hpp"
 #include "wire/codec/schema.hpp"
@@ -20,10 +21,17 @@ namespace {
 
 constexpr std::string_view kModule = "subworld::msg::", kWorldView = "subworld::msg::WorldView",
                            kPlace = "subworld::msg::ProgramPlace", kUpdate = "foxglove::SceneUpdate",
-                           kSceneTopic = "/scene", kPlaceTopic = "/program_place";
+                           kMarks = "subworld::msg::JointMarks", kSceneTopic = "/scene", kPlaceTopic = "/program_place",
+                           kJointsTopic = "/joints";
 constexpr std::string_view kPlaceSchema =
     "module subworld {\nmodule msg {\n@final struct ProgramPlace {\n  @key unsigned long program;\n"
     "  @key unsigned long instance;\n  string dds;\n  string host;\n  string process;\n};\n};\n};\n";
+constexpr std::string_view kMarksSchema =
+    "module subworld {\nmodule msg {\n@final struct Vector {\n  double x;\n  double y;\n  double z;\n};\n"
+    "@final struct Quaternion {\n  double w;\n  double x;\n  double y;\n  double z;\n};\n"
+    "@final struct JointMark {\n  unsigned long joint;\n  octet form;\n  unsigned long at;\n  unsigned long along;\n"
+    "  Vector point;\n  Quaternion turn;\n  double shift;\n  double radius;\n  double half_length;\n};\n"
+    "@final struct JointMarks {\n  sequence<JointMark> marks;\n};\n};\n};\n";
 constexpr std::string_view kVerdictSchema =
     "module subworld {\nmodule msg {\n@final struct Gate {\n  string name;\n  double value;\n  double bound;\n"
     "  boolean at_most;\n  string unit;\n  boolean ok;\n  boolean warning;\n  string missed_by;\n  string why;\n};\n"
@@ -48,6 +56,7 @@ std::vector<Channel> all_channels(int users) {
                                 {0, "/scene_update", std::string(kUpdate), std::string(scene_update_schema()), {}, {}},
                                 {0, "/world_view", std::string(kWorldView), world_view_schema(), {}, {}},
                                 topic_channel<Status>("/status"),
+                                {0, std::string(kJointsTopic), std::string(kMarks), std::string(kMarksSchema), {}, {}},
                                 {0, std::string(kPlaceTopic), std::string(kPlace), std::string(kPlaceSchema), {}, {}},
                                 topic_channel<Control>("/control"),
                                 topic_channel<ControlReply>("/control_reply")};
@@ -83,6 +92,21 @@ std::uint64_t key_of(std::size_t row, std::span<const std::uint8_t> cdr) {
   if (cdr.size() < kHeader + bytes) return key;
   for (std::size_t i = 0; i < bytes; ++i) key |= static_cast<std::uint64_t>(cdr[kHeader + i]) << (8 * i);
   return key;
+}
+
+std::vector<std::uint8_t> encode_joints(const SceneDescription& scene) {
+  return written([&](CdrWriter& cdr) {
+    cdr.sequence("", joint_marks(scene.joints, scene.bodies, scene.meshes, {}),
+                 [&](std::size_t, const JointMark& mark) {
+                   cdr("", mark.joint);
+                   cdr("", mark.form);
+                   cdr("", mark.at);
+                   cdr("", mark.along);
+                   cdr("", mark.point);
+                   cdr("", mark.turn);
+                   for (const double length_m : {mark.shift, mark.radius, mark.half_length}) cdr("", length_m);
+                 });
+  });
 }
 
 Bytes shared(std::vector<std::uint8_t>&& cdr) {
@@ -165,6 +189,7 @@ void Sources::describe(std::shared_ptr<const SceneDescription> scene, const Deli
   Codec<SceneDescription> codec;
   const auto cdr = codec.encode(*scene_);
   show(kSceneTopic, {cdr.begin(), cdr.end()}, deliver);
+  show(kJointsTopic, encode_joints(*scene_), deliver);
 }
 
 void Sources::place(ProgramKind program, std::uint32_t instance, const PeerProgram& peer, const Deliver& deliver) {
@@ -255,7 +280,8 @@ void Sources::take_forces() {
 std::optional<std::vector<std::uint8_t>> Sources::make_scene_update(std::uint64_t now_ns) {
   if (!changed_ || !scene_ || now_ns < next_update_ns_) return std::nullopt;
   changed_ = false;
-  std::vector<std::uint8_t> bytes = scene_update(*scene_, states_, snapshot_.users, forces_n_, now_ns);
+  std::vector<std::uint8_t> bytes =
+      scene_update(*scene_, states_, snapshot_.users, forces_n_, snapshot_.broken_joints, now_ns);
   next_update_ns_ = now_ns + static_cast<std::uint64_t>(1e9 * static_cast<double>(bytes.size()) / kMostUpdateBytes_s);
   return bytes;
 }

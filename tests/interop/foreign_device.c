@@ -13,7 +13,7 @@
 #include "subworld.h"
 
 #define RATE_HZ 1000
-enum { DEVICE_SIM = 2, WIRE_VERSION = 100005 };
+enum { DEVICE_SIM = 2, WIRE_VERSION = 100007 };
 
 static dds_entity_t required(dds_entity_t entity, const char* what) {
   if (entity >= 0) return entity;

@@ -132,7 +132,7 @@ TEST_F(CommandLine, EveryProgramHelps) {
     EXPECT_EQ(ended.code, 0);
     EXPECT_NE(ended.out.find(std::string("Usage: ") + name), std::string::npos) << ended.out;
     EXPECT_NE(ended.out.find("--domain"), std::string::npos);
-    EXPECT_NE(ended.out.find(std::string("\n  ") + name + " deploy/scenes/"), std::string::npos) << ended.out;
+    EXPECT_NE(ended.out.find(std::string("\n  ") + name + " heap"), std::string::npos) << ended.out;
   }
   for (const Words& command : {Words{}, Words{"run"}, Words{"plan"}}) {
     Words words{program("subworld")};
@@ -141,7 +141,7 @@ TEST_F(CommandLine, EveryProgramHelps) {
     const Ended ended = finish(words);
     EXPECT_EQ(ended.code, 0);
     EXPECT_NE(ended.out.find("Usage: subworld"), std::string::npos) << ended.out;
-    EXPECT_NE(ended.out.find("\n  subworld run deploy/scenes/"), std::string::npos) << ended.out;
+    EXPECT_NE(ended.out.find("\n  subworld run heap "), std::string::npos) << ended.out;
   }
 }
 
@@ -196,8 +196,9 @@ TEST_F(CommandLine, APlanAdvisesWhereTheWorldCannotKeepUp) {
 
 TEST_F(CommandLine, AnotherEngineDropsTheLongestSubStepOfTheScene) {
   const std::string part = "here sub-steps of at most 4.2 ms";
-  EXPECT_NE(finish({program("subworld"), "plan", scene("basin")}).out.find(part), std::string::npos);
-  EXPECT_EQ(finish({program("subworld"), "plan", scene("basin"), "--engine", "ode"}).out.find(part), std::string::npos);
+  const std::string file = edited("press", "iterations: 50}", "longest_substep_s: 0.0042}");
+  EXPECT_NE(finish({program("subworld"), "plan", file}).out.find(part), std::string::npos);
+  EXPECT_EQ(finish({program("subworld"), "plan", file, "--engine", "ode"}).out.find(part), std::string::npos);
 }
 
 TEST_F(CommandLine, APlanNamesItsEngines) {

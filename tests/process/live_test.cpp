@@ -9,10 +9,10 @@ namespace {
 /// A run with a display that serves viewers, and viewers written in Python. The run goes on until it is stopped.
 class Live : public ProcessTest {
  protected:
-  void begin(const Words& flags = {}, const Environment& environment = {}) {
+  void begin(const Words& flags = {}, const Environment& environment = {}, const std::string& name = "row") {
     Words words{"--mode", "realtime", "--duration", "1000", "--live", "0"};
     words.insert(words.end(), flags.begin(), flags.end());
-    run_ = std::make_unique<Process>(run_words(scene("row"), words), folder_.path(), environment);
+    run_ = std::make_unique<Process>(run_words(scene(name), words), folder_.path(), environment);
     const std::regex listens("open (ws://\\S+) in L");
     ASSERT_TRUE(eventually([&] {
       std::smatch found;
@@ -63,7 +63,7 @@ class Live : public ProcessTest {
 class LiveProtocol : public Live, public ::testing::WithParamInterface<std::string> {};
 
 TEST_P(LiveProtocol, EveryTopicIsRead) {
-  begin({"--dds", "mixed"});
+  begin({"--dds", "mixed"}, {}, "lever");
   view("read_all", {GetParam()});
   end();
 }
@@ -108,7 +108,7 @@ TEST_F(Live, DisconnectsAClientThatDoesNotRead) {
 
 /// Viewers of all topics change no bit of a lock-step run.
 TEST_F(Live, ChangesNoResultInLockStep) {
-  const Words lockstep{"--mode", "lockstep", "--duration", "8"};
+  const Words lockstep{"--mode", "lockstep", "--duration", "14"};
   begin(lockstep);
   view("read_all", {"foxglove.sdk.v1"});
   EXPECT_EQ(run_->wait().value_or(-1), 0) << run_->err();

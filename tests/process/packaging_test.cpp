@@ -54,5 +54,57 @@ TEST_F(Packaging, TheContainerFileNamesFilesThatExist) {
   EXPECT_TRUE(fs::exists(root() + "/deploy/build"));
 }
 
+/// What `cmake --install` makes, in another folder than that of the installation.
+class Installed : public ProcessTest {
+ protected:
+  void SetUp() override {
+    const Ended ended = finish(
+        {"/usr/bin/cmake", "--install", std::string(PROGRAMS_FOLDER) + "/..", "--prefix", folder_.path() + "/first"});
+    ASSERT_EQ(ended.code, 0) << ended.err;
+    fs::rename(folder_.path() + "/first", place_);
+  }
+  const std::string place_ = folder_.path() + "/moved";
+};
+
+TEST_F(Installed, RunsASceneByItsNameWithoutTheCheckout) {
+  const Ended ended =
+      finish({"/usr/bin/unshare", "-m", "/bin/sh", "-c", "mount -t tmpfs none \"$0\" && cd / && exec env -i \"$@\"",
+              SOURCE_FOLDER, place_ + "/bin/subworld", "run", "first", "--duration", "0.3", "--mode", "lockstep",
+              "--gui", "--domain", domain_.text(), "--out", out()});
+  if (ended.err.starts_with("unshare:") || ended.err.starts_with("mount:")) GTEST_SKIP() << "needs root and namespaces";
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(summary()["verdict"], "ok");
+  EXPECT_TRUE(fs::exists(out() + "/picture.png"));
+  // The vendor's settings are those beside the programs.
+  EXPECT_NE(summary().dump().find(place_ + "/lib/subworld/qos/fastdds.xml"), std::string::npos);
+}
+
+TEST_F(Installed, HasPagesForManAndCompletesItsCommands) {
+  for (const char* name : {"subworld", "world_sim", "haptic_sim", "device_sim", "gui_headless"}) {
+    const Ended page = finish({"/usr/bin/man", "-l", "--warnings", place_ + "/share/man/man1/" + name + ".1"},
+                              {{"MANWIDTH", "200"}, {"LC_ALL", "C.UTF-8"}});
+    EXPECT_EQ(page.code, 0);
+    EXPECT_EQ(page.err, "");
+    EXPECT_NE(page.out.find("--scheme <TEXT>\n"), std::string::npos) << page.out;
+    EXPECT_EQ(page.out.find("--duration 20 --gui"), page.out.rfind("--duration 20 --gui")) << "an example twice";
+    EXPECT_TRUE(fs::exists(place_ + "/share/bash-completion/completions/" + name));
+  }
+  const auto completed = [&](const std::string& words) {
+    const Ended ended = finish({"/bin/bash", "-c",
+                                "bash -n \"$0\" && . \"$0\" && COMP_WORDS=(" + words +
+                                    ") && COMP_CWORD=$((${#COMP_WORDS[@]} - 1)) && _subworld && echo ${COMPREPLY[*]}",
+                                place_ + "/share/bash-completion/completions/subworld"},
+                               {{"PATH", place_ + "/bin:/usr/bin:/bin"}});
+    EXPECT_EQ(ended.err, "");
+    return ended.out;
+  };
+  EXPECT_EQ(completed("subworld con"), "control\n");
+  EXPECT_EQ(completed("subworld run he"), "heap heap_press heavy_outside\n");
+  EXPECT_EQ(completed("subworld run heap --mode ''"), "lockstep realtime\n");
+  EXPECT_EQ(completed("subworld lab coupling --quic"), "--quick\n");
+  EXPECT_EQ(completed("world_sim row --haptic-e"), "--haptic-engine\n");
+  EXPECT_EQ(completed("subworld run heap --out ''"), "\n") << "then bash completes names of files";
+}
+
 }  // namespace
 }  // namespace subworld::test

@@ -72,10 +72,10 @@ TEST_F(Page, ShowsWhyARunHasFailed) {
   EXPECT_TRUE(summary()["verdict"].get<std::string>().starts_with("failed: haptic_sim_0 killed by SIGKILL"));
 }
 
-/// The bar of a recording: play, step, speed, and any moment by mouse and keyboard.
+/// The bar of a recording: play, step, speed, and any moment by mouse and keyboard. Joints are drawn until they break.
 TEST_F(Page, MovesThroughARecording) {
   const std::string file = folder_.path() + "/run.mcap";
-  ASSERT_EQ(run(scene("row"), {"--mode", "lockstep", "--duration", "6", "--record", file}).code, 0);
+  ASSERT_EQ(run(glued_lever(), {"--mode", "lockstep", "--duration", "6", "--record", file}).code, 0);
   Process replay({program("subworld"), "replay", file, "--page", "--paused", "--domain", domain_.text(), "--out",
                   folder_.path() + "/shown"},
                  folder_.path());

@@ -74,6 +74,11 @@ class ProcessTest : public ::testing::Test {
   [[nodiscard]] std::string overloaded_heap() const {
     return edited("heap", "box_half_m: 0.2", "selection: box\n    box_half_m: 0.4");
   }
+  /// A lever on a hinge, and a cube that is fixed to a block until the lever lifts it off, at t = 1.07 s.
+  [[nodiscard]] std::string glued_lever() const {
+    return edited("lever",
+                  "joints:", "joints:\n  - {name: glue, type: fixed, bodies: [cube, block], break_force_n: 20}");
+  }
 
   [[nodiscard]] std::string out() const { return folder_.path() + "/out"; }
   [[nodiscard]] Json summary() const { return Json::parse(read_text(out() + "/summary.json"), nullptr, false); }

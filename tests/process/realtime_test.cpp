@@ -27,7 +27,8 @@ TEST_P(RealTime, RunsForItsTimeAndEnds) {
   const Json& haptic = json["haptic"][0];
   EXPECT_EQ(json["mode"], "realtime");
   EXPECT_NEAR(json["simulated_s"].get<double>(), 1.0, 1e-6);
-  EXPECT_GE(haptic["steps"], 900);
+  // A machine that took time away makes the loop skip steps.
+  EXPECT_GE(haptic["steps"].get<int>() + haptic["skipped_steps"].get<int>(), 990);
   // A shared machine may delay a process for more frames than a reader stores; a fault loses frames all the time.
   EXPECT_LE(haptic["lost_frames"].get<double>(), 0.05 * json["world"]["cycles"].get<double>());
   EXPECT_GT(haptic["force_max_n"], 1.0);  // the cube was pressed

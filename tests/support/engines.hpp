@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <ostream>
 #include <string>
@@ -50,6 +51,12 @@ inline std::vector<Tested> tested_engines(std::initializer_list<double> fast, st
     for (const double dt : fast) all.push_back({engine, "fast", dt});
     for (const double dt : quality) all.push_back({engine, "quality", dt});
   }
+  return all;
+}
+
+/// Those of the named engines.
+inline std::vector<Tested> only(std::initializer_list<std::string_view> names, std::vector<Tested> all) {
+  std::erase_if(all, [&](const Tested& one) { return std::ranges::find(names, one.engine) == names.end(); });
   return all;
 }
 

@@ -111,6 +111,13 @@ class SampleMaker {
     to.name = text();
     to.value = text();
   }
+  void fill(Joint& to) {
+    to.name = text();
+    to.kind = static_cast<JointKind>(word() % 8);
+    fill(to.in_a);
+    fill(to.in_b);
+    for (JointAxis& axis : to.axes) axis.free = coin();
+  }
   void fill(SceneDescription& to) {
     to.name = text();
     fill_all(to.settings);
@@ -124,6 +131,8 @@ class SampleMaker {
     for (BodyState& state : to.states) fill(state);
     to.bodies[0].shape.kind = ShapeKind::mesh;
     to.bodies[0].shape.mesh = word() % static_cast<std::uint32_t>(to.meshes.size());
+    fill_all(to.joints);
+    for (Joint& joint : to.joints) joint.b = BodyId{word() % static_cast<std::uint32_t>(to.bodies.size())};
   }
   void fill(DeviceState& to) {
     to.device = user();
@@ -181,6 +190,7 @@ class SampleMaker {
     fill_all(to.peers);
     to.outside_work_j = number();
     to.bodies_j = 2.0 * to.outside_work_j;
+    to.broken_joints = {7, 3};
     if (coin()) to.suppression = {long_word(), {vector(), vector()}};
   }
   void fill(HapticReport& to) {
@@ -224,6 +234,7 @@ class SampleMaker {
     to.real_time_factor = positive();
     fill_all(to.moved);
     fill_all(to.users);
+    fill_all(to.broken_joints);
   }
   void fill(Control& to) { to = {static_cast<std::uint32_t>(word()), static_cast<ControlVerb>(word() % 10), text()}; }
   void fill(Status& to) {
@@ -313,8 +324,12 @@ struct NumberVisitor {
         r.answer.text);
   }
   void operator()(const NamedSetting& s) { all(s.name, s.value); }
+  void operator()(const Joint& j) {
+    all(j.name, static_cast<std::uint32_t>(j.kind), j.a, j.b, j.in_a, j.in_b);
+    for (const JointAxis& axis : j.axes) (*this)(axis.free);
+  }
   void operator()(const SceneDescription& s) {
-    all(s.wire_version, s.name, s.settings, s.session, s.users, s.meshes, s.bodies, s.states);
+    all(s.wire_version, s.name, s.settings, s.session, s.users, s.meshes, s.bodies, s.states, s.joints);
   }
   void operator()(const DeviceState& d) {
     all(d.device, d.session, d.sender, d.sequence, d.stamp_s, d.sent_ns, d.pose, d.linear_velocity, d.angular_velocity,
@@ -329,7 +344,7 @@ struct NumberVisitor {
         f.echoed_stamp, f.newest_stamp, f.last, f.cycle_s, static_cast<std::uint32_t>(f.ratio), f.planned.stamp,
         static_cast<std::uint32_t>(f.planned.ratio), f.members, f.fixed, f.islands, f.entering, f.states,
         f.border_contacts, f.border_bodies, f.border, f.ghosts, f.ghost_peers, f.peers, f.outside_work_j, f.bodies_j,
-        f.suppression.has_value());
+        f.broken_joints, f.suppression.has_value());
     if (f.suppression) all(f.suppression->until, f.suppression->place.lower, f.suppression->place.upper);
   }
   void operator()(const HapticReport& r) {
@@ -342,7 +357,9 @@ struct NumberVisitor {
   }
   void operator()(const FollowedOrder& o) { all(o.at_s, o.engine); }
   void operator()(const MissedStates& m) { all(m.peer, m.from_s, m.to_s); }
-  void operator()(const WorldSnapshot& s) { all(s.sequence, s.stamp_s, s.real_time_factor, s.moved, s.users); }
+  void operator()(const WorldSnapshot& s) {
+    all(s.sequence, s.stamp_s, s.real_time_factor, s.moved, s.users, s.broken_joints);
+  }
   void operator()(const Control& c) { all(c.number, static_cast<std::uint32_t>(c.verb), c.argument); }
   void operator()(const Status& s) {
     all(static_cast<std::uint32_t>(s.program), s.instance, s.state, s.time_s, s.rate_hz, s.steps, s.missed_deadlines,

@@ -25,7 +25,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "the file is little-endian");
 
 constexpr std::string_view kMagic = "SUBWORLDCHECKPNT";
-constexpr std::uint64_t kVersion = 2;
+constexpr std::uint64_t kVersion = 3;
 constexpr std::size_t kLengthAt = kMagic.size() + sizeof(kVersion);
 constexpr std::size_t kHeadBytes = kLengthAt + sizeof(std::uint64_t), kSumBytes = sizeof(std::uint64_t);
 constexpr double kUnit = 1e-3;  ///< by which the norm of an orientation may differ from 1
@@ -60,6 +60,7 @@ void each_member(Checkpoint& c, Visit&& visit) {
   visit(c.states);
   visit(c.asleep);
   visit(c.devices);
+  visit(c.broken_joints);
   visit(c.absences);
 }
 

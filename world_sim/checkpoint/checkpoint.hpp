@@ -37,7 +37,8 @@ struct WorldCheckpoint {
   std::vector<BodyState> states;     ///< by body id
   std::vector<std::uint8_t> asleep;  ///< by body id: 1 while it sleeps
   std::vector<Pose> devices;         ///< by user: World::device()
-  std::vector<Absence> absences;     ///< of users, since t = 0; `to_s` < 0: not back
+  std::vector<std::uint32_t> broken_joints;
+  std::vector<Absence> absences;  ///< of users, since t = 0; `to_s` < 0: not back
 };
 
 /// Copies what a checkpoint holds of a world, but for the states of its bodies, the settings, the session and the

@@ -29,6 +29,7 @@ WorldMeasures::WorldMeasures(const Options& options, const Scene& scene, const H
                    "ratio,substeps",
                    {"world_sim", 1}, kWorldStages, say),
       scene_(scene),
+      say_(say),
       bodies_(options, scene, say),
       omitted_(static_cast<std::size_t>(scene.settings.users)) {}
 
@@ -43,6 +44,10 @@ void WorldMeasures::cycle(const World& world, const StepTimes& times, double rea
     omitted_[u].add(static_cast<double>(world.user_facts(u).selection.omitted));
   }
   const WorldFacts& now = world.facts();
+  for (const auto broken = world.broken_joints(); broken_joints_ < broken.size(); ++broken_joints_) {
+    if (say_)
+      say_(fmt::format("joint {} broke at t = {:.3f} s", scene_.joints[broken[broken_joints_]].name, now.time_s));
+  }
   const double ratio = now.ratio, substeps = now.substeps;
   ratio_.add(ratio);
   substeps_.add(substeps);

@@ -63,7 +63,9 @@ class WorldMeasures : public LoopMeasures<WorldStage> {
 
  private:
   const Scene& scene_;
+  History::Say say_;
   BodyHistory bodies_;
+  std::size_t broken_joints_ = 0;  ///< that were noted
   double newest_real_time_factor_ = 1.0;
   std::uint64_t lost_reports_ = 0, refused_reports_ = 0;
   std::vector<MeanMax> omitted_;  ///< bodies, by user

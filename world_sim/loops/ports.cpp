@@ -30,7 +30,8 @@ void WorldPorts::describe(const Scene& scene_file, const Engine& engine) {
                                .users = static_cast<std::uint32_t>(frames.size()),
                                .meshes = scene_file.meshes,
                                .bodies = scene_file.bodies,
-                               .states = {}};
+                               .states = {},
+                               .joints = scene_file.joints};
   for (const Body& body : scene_file.bodies) {
     const BodyState& initial = scene_file.initial[index(body.id)];
     description.states.push_back(engine.contains(body.id) ? engine.state(body.id) : initial);

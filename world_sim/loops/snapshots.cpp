@@ -25,6 +25,7 @@ void Snapshots::publish(const WorldView& view, bool complete) {
   snapshot_.stamp_s = view.stamp_s;
   snapshot_.real_time_factor = view.real_time_factor;
   snapshot_.users = view.users;
+  snapshot_.broken_joints = view.broken_joints;
   snapshot_.moved.clear();
   for (std::uint32_t i = 0; i < view.states.size(); ++i) {
     const BodyState& now = view.states[i];

@@ -53,6 +53,8 @@ struct CopyPair {
   double report_lag_cycles = 0.0;  ///< age of the newest frame that the sub-world had used when it reported
   /// The tool has six degrees of freedom, and the sub-world holds no other user's proxy.
   bool turns_alone = false;
+
+  [[nodiscard]] bool is_proxy() const noexcept { return owner == Owner::user || owner == Owner::peer; }
 };
 
 /// A coupling scheme: its properties and its two sides. The programs ask, they do not know which one runs. A scheme is

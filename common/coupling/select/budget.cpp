@@ -30,7 +30,10 @@ void CostCorrection::observe(double expected_s, double seen_s) noexcept {
 }
 
 BudgetSelector::BudgetSelector(const Scene& scene)
-    : scene_(scene), gravity_m_s2_(scene.settings.world.gravity.norm()), standings_(scene.bodies.size()) {
+    : scene_(scene),
+      mechanisms_(scene),
+      gravity_m_s2_(scene.settings.world.gravity.norm()),
+      standings_(scene.bodies.size()) {
   touched_.reserve(kUsualMembers);
   offers_.reserve(kUsualContacts);
   new_ghosts_.reserve(kUsualMembers);
@@ -105,11 +108,16 @@ void BudgetSelector::limit(BodyId proxy, std::span<const BodyId> present, const 
     if (next.member) continue;
     const Size more = with(id, size, graph, budget.simulates_border);
     const double limit_s = (next.present ? kPresentLimit : 1.0) * budget.limit_s;
-    if (id != proxy && budget.cost.of(more.bodies, more.contacts) > limit_s) break;
+    const bool stays = id == proxy || next.joined;
+    if (!stays && budget.cost.of(more.bodies, more.contacts) > limit_s) break;
     size = more;
     next.member = true;
     for (const BodyId ghost : new_ghosts_) standing(ghost).ghost = true;
     spread(id, next.importance, graph, step_s);
+    for (const BodyId with : mechanisms_.of(id)) {
+      standings_[index(with)].joined = true;
+      offer(with, next.importance);
+    }
     for (const PeerContact& peer : peers) {
       if (peer.body == id) offer(peer.proxy, next.importance);
     }

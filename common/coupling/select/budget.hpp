@@ -3,6 +3,7 @@
 #include "coupling/select/contact_graph.hpp"
 #include "coupling/select/peers.hpp"
 #include "model/body.hpp"
+#include "model/mechanisms.hpp"
 #include "model/scene/scene.hpp"
 #include "model/step_cost.hpp"
 
@@ -47,17 +48,20 @@ class CostCorrection {
 /// counts by how near it is, and so little that any contact comes first. The proxy of another user, who may press with
 /// any force, counts as much as the body that it touches.
 ///
-/// What fits: bodies enter by importance, until the next one would cost too much. Present members count more than
-/// others and may stay while the cost is a little above the limit, so that noise in the loads exchanges nobody.
+/// What fits: a mechanism enters with its first body, as a whole. Bodies enter by importance, until the next one would
+/// cost too much. Present members count more than others and may stay while the cost is a little above the limit, so
+/// that noise in the loads exchanges nobody.
 class BudgetSelector {
  public:
   explicit BudgetSelector(const Scene& scene);
 
-  /// Keeps those of `members` that fit; ascending, movable, the proxy is one of them and stays. `present` are the
-  /// members so far; `graph` holds impulses over `step_s`; `peers`: see PeerFinder.
+  /// Keeps those of `members` that fit; ascending, movable, with whole mechanisms; the proxy is one of them and stays.
+  /// `present` are the members so far; `graph` holds impulses over `step_s`; `peers`: see PeerFinder.
   void limit(BodyId proxy, std::span<const BodyId> present, const ContactGraph& graph, double step_s,
              std::span<const PeerContact> peers, const std::function<Box(BodyId)>& bounds, const Budget& budget,
              std::vector<BodyId>& members);
+
+  [[nodiscard]] Mechanisms& mechanisms() noexcept { return mechanisms_; }
 
   /// What the step of the chosen ones costs by the coefficients, s.
   [[nodiscard]] double cost_s() const noexcept { return cost_s_; }
@@ -68,6 +72,7 @@ class BudgetSelector {
   struct Standing {
     double importance = 0.0;
     bool candidate = false;
+    bool joined = false;  ///< to a member, by joints
     bool present = false;
     bool member = false;
     bool ghost = false;  ///< touches a member, and is simulated for that
@@ -88,6 +93,7 @@ class BudgetSelector {
   [[nodiscard]] Size with(BodyId id, Size size, const ContactGraph& graph, bool simulates_border);
 
   const Scene& scene_;
+  Mechanisms mechanisms_;
   double gravity_m_s2_;
   std::vector<Standing> standings_;  ///< by body; between calls as they were made
   std::vector<BodyId> touched_;      ///< whose standings are not

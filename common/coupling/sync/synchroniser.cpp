@@ -38,9 +38,11 @@ Synchroniser::Synchroniser(const Scheme& scheme, const Scene& scene, std::size_t
     : scheme_(&scheme),
       settings_(&scene.settings),
       authority_(scene.users[user].proxy, peers_of(scene, user)),
+      enters_late_(scheme.properties.lead_cycles > 0 || settings_->delay.any() || settings_->has_unknown_delay()),
       tool_turns_(scene.users[user].device.degrees_of_freedom == 6),
       blends_(remembered_cycles(scene.settings, scheme)) {
   for (Blend& blend : blends_) blend.pairs.reserve(kUsualMembers);
+  held_.reserve(kUsualMembers);
 }
 
 template <class Side>
@@ -72,10 +74,15 @@ std::span<const PairShift> Synchroniser::synchronise(const WorldFrame& frame, co
     const BodyState ours = caught_up(sub.id, sub.state, report.confirmed_stamp, frame.stamp,
                                      [](const PairShift& p) -> const Shift& { return p.sub; });
     const CopyPair pair{authority_.owner(sub.id), lag_cycles, report_lag_cycles, turns_alone};
-    const Correction part = scheme_->correction(pair, report.indicators, *settings_);
+    Correction part = scheme_->correction(pair, report.indicators, *settings_);
+    // The copy of a body that has entered since the start began with an older state of the world, at constant velocity.
+    const bool entered = enters_late_ && !held_.empty() && !std::ranges::binary_search(held_, sub.id);
+    if (entered && !pair.is_proxy()) part = {.world = 0.0, .sub = 1.0};
     blend.pairs.push_back(
         {sub.id, part_of(theirs, ours, part.world, part.world_turn), part_of(ours, theirs, part.sub, part.sub)});
   }
+  held_.clear();
+  for (const PairShift& pair : blend.pairs) held_.push_back(pair.id);
   return blend.pairs;
 }
 

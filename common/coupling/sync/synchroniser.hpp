@@ -42,6 +42,7 @@ class Synchroniser {
   /// The two sides start anew with each other.
   void forget() noexcept {
     for (Blend& blend : blends_) blend = {};
+    held_.clear();
   }
 
  private:
@@ -57,8 +58,10 @@ class Synchroniser {
   const Scheme* scheme_;
   const Settings* settings_;
   Authority authority_;
+  bool enters_late_;  ///< a sub-world uses a frame at a later time than that of its stamp
   bool tool_turns_;
   std::vector<Blend> blends_;  ///< by stamp
+  std::vector<BodyId> held_;   ///< by both sides at the stamp before, ascending
 };
 
 }  // namespace subworld

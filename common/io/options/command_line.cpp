@@ -1,5 +1,6 @@
 #include "io/options/command_line.hpp"
 
+#include "io/options/manual.hpp"
 #include "io/version.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
@@ -18,18 +19,6 @@
 #include <type_traits>
 
 namespace subworld {
-
-std::string folded(const std::string& text, std::size_t width, const std::string& indent) {
-  std::istringstream words(text);
-  std::string lines = indent;
-  std::size_t used = 0;
-  for (std::string word; words >> word; used += word.size() + 1) {
-    const bool next_line = used > 0 && used + word.size() > width;
-    if (next_line) used = 0;
-    lines += (next_line ? "\n" + indent : used > 0 ? " " : "") + word;
-  }
-  return lines;
-}
 
 namespace {
 
@@ -334,6 +323,10 @@ std::string fault_of(const CLI::App& command, const std::string& otherwise) {
 std::optional<int> CommandLine::parse(int argc, const char* const* argv) {
   CLI::App& app = *impl_->app;
   impl_->prepare();
+  if (const std::string text = argc == 2 ? manual(app, argv[1]) : ""; !text.empty()) {
+    fmt::print("{}", text);
+    return 0;
+  }
   try {
     impl_->check_command(argc, argv);
     app.parse(argc, argv);

@@ -16,9 +16,6 @@ class Option;
 
 namespace subworld {
 
-/// The words of a text in lines of at most `width` characters, each after `indent`.
-[[nodiscard]] std::string folded(const std::string& text, std::size_t width, const std::string& indent = "");
-
 /// What an option sets. A vector takes a list, separated by commas; as a positional argument also by spaces.
 using OptionTarget =
     std::variant<std::string*, std::optional<std::string>*, double*, std::optional<double>*, int*, std::optional<int>*,

@@ -32,26 +32,26 @@ const About& about(Program program) {
   static const About kAbout[] = {
       {"world_sim", "Simulates the whole world at the coarse step T = r h and serves every user's sub-world.",
        "Examples:\n"
-       "  world_sim deploy/scenes/heap.yaml --mode lockstep --duration 5\n"
+       "  world_sim heap --mode lockstep --duration 5\n"
        "On two hosts, this one with the world and interface eth0, 10.0.0.2 with the user; all programs get the same\n"
        "scene and flags:\n"
        "  world_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.2\n"},
       {"haptic_sim", "Simulates one user's haptic sub-world at the haptic rate and couples it to the device.",
        "Examples:\n"
-       "  haptic_sim deploy/scenes/heap.yaml --user 0\n"
+       "  haptic_sim heap --user 0\n"
        "On two hosts, this one with the user and interface eth0, 10.0.0.1 with the world; all programs get the same\n"
        "scene and flags:\n"
        "  haptic_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"
        "  device_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"},
       {"device_sim", "Connects one user's haptic device, or emulates it and its operator.",
        "Examples:\n"
-       "  device_sim deploy/scenes/heap.yaml --user 0\n"
+       "  device_sim heap --user 0\n"
        "On two hosts, this one with the user and interface eth0, 10.0.0.1 with the world; all programs get the same\n"
        "scene and flags:\n"
        "  device_sim heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --user 0\n"},
       {"gui_headless", "Watches a run without a window and writes a picture of it.",
        "Examples:\n"
-       "  gui_headless deploy/scenes/heap.yaml --out out/heap\n"
+       "  gui_headless heap --out out/heap\n"
        "  gui_headless heap --live 8765                       # then open ws://127.0.0.1:8765 in Lichtblick\n"
        "On two hosts, this one with interface eth0, 10.0.0.1 with the world:\n"
        "  gui_headless heap --mode realtime --dds cyclonedds --domain 7 --interface eth0 --peers 10.0.0.1 --out "
@@ -96,7 +96,7 @@ void add_run_options(CommandLine& line, Options& o) {
   const auto add = [&](const char* name, OptionTarget target, const char* what) -> Option& {
     return o.shared.emplace_back(line.add(name, target, what));
   };
-  line.add("scene", &o.scene, "scene file (YAML), or the name of a scene in deploy/scenes").required();
+  line.add("scene", &o.scene, "scene file (YAML), or the name of a scene of Subworld").required();
   for (const Setting& setting : settings_table()) {
     if (!setting.option.empty()) add_setting(line, setting, o.named[setting.key]);
   }

@@ -2,6 +2,7 @@
 
 #include "model/error.hpp"
 #include "model/joined.hpp"
+#include "model/places.hpp"
 #include "model/shapes/nearest.hpp"
 
 #include <fmt/core.h>
@@ -30,16 +31,8 @@ std::vector<std::string> scene_names(const fs::path& folder) {
 
 }  // namespace
 
-fs::path scenes_folder() {
-  for (fs::path folder = fs::read_symlink("/proc/self/exe").parent_path(); folder.has_relative_path();
-       folder = folder.parent_path()) {
-    if (fs::is_directory(folder / "deploy/scenes")) return folder / "deploy/scenes";
-  }
-  return {};
-}
-
 std::string scene_file(const std::string& scene) {
-  const fs::path folder = scenes_folder();
+  const fs::path folder = data_folder("scenes");
   std::error_code unreadable;  // reading the file reports the reason
   const bool is_file = fs::exists(scene, unreadable) && !fs::is_directory(scene, unreadable);
   if (is_file || folder.empty() || scene.find('/') != std::string::npos) return scene;
@@ -48,7 +41,7 @@ std::string scene_file(const std::string& scene) {
   const std::string word = scene.ends_with(kExtension) ? scene.substr(0, scene.size() - kExtension.size()) : scene;
   const std::string_view near = nearest(word, {names.begin(), names.end()});
   throw Error(ExitCode::usage,
-              fmt::format("\"{}\" is neither a file nor the name of a scene in deploy/scenes; {}", scene,
+              fmt::format("\"{}\" is neither a file nor the name of a scene in {}; {}", scene, folder.string(),
                           near.empty() ? fmt::format("those are {}", joined(names, ", "))
                                        : fmt::format("did you mean \"{}\"?", near)));
 }

@@ -1,12 +1,8 @@
 #pragma once
 
-#include <filesystem>
 #include <string>
 
 namespace subworld {
-
-/// deploy/scenes of the checkout in which this program was built; empty if there is none.
-[[nodiscard]] std::filesystem::path scenes_folder();
 
 /// The file of a scene that a command line gives by its path, or by its name in the scenes folder. An existing file
 /// takes precedence. Throws `Error` (usage) if there is neither, with the nearest name.

@@ -183,8 +183,9 @@ struct WorldFrame {
   /// Since the start, J: of the other operators whom contacts connect to this one while their proxies are not members,
   /// and what the connected bodies have lost below the least energy of before.
   double outside_work_j = 0.0;
-  double bodies_j = 0.0;                   ///< energy of the connected bodies above the least that each has had
-  std::optional<Suppression> suppression;  ///< takes effect after this frame
+  double bodies_j = 0.0;                     ///< energy of the connected bodies above the least that each has had
+  std::vector<std::uint32_t> broken_joints;  ///< of the scene's, since the start
+  std::optional<Suppression> suppression;    ///< takes effect after this frame
 };
 bool fields(auto& archive, Is<WorldFrame> auto& m) {
   const auto possible = [](int ratio) { return ratio >= 1 && ratio <= kMostRatio; };
@@ -204,7 +205,7 @@ bool fields(auto& archive, Is<WorldFrame> auto& m) {
          archive("border", m.border) && archive("ghosts", m.ghosts, changes.ghosts) &&
          archive("carried_bodies", m.ghosts, changes.carried) && archive("ghost_peers", m.ghost_peers) &&
          archive("peers", m.peers) && archive("outside_work_j", m.outside_work_j) && archive("bodies_j", m.bodies_j) &&
-         archive("suppression", m.suppression);
+         archive("broken_joints", m.broken_joints) && archive("suppression", m.suppression);
 }
 
 /// Reserves memory for a usual sub-world, so that a loop does not allocate.
@@ -324,11 +325,12 @@ struct WorldSnapshot {
   double real_time_factor = 1.0;
   std::vector<StampedBody> moved;  ///< since the last snapshot; all of them once a second
   std::vector<UserView> users;
+  std::vector<std::uint32_t> broken_joints;  ///< of the scene's, since the start
 };
 bool fields(auto& archive, Is<WorldSnapshot> auto& m) {
   return archive("sequence_number", m.sequence) && archive("stamp_s", m.stamp_s) &&
          archive("real_time_factor", m.real_time_factor) && archive.check(m.real_time_factor >= 0.0) &&
-         archive("moved", m.moved) && archive("users", m.users);
+         archive("moved", m.moved) && archive("users", m.users) && archive("broken_joints", m.broken_joints);
 }
 
 }  // namespace subworld

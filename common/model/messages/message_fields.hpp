@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/body.hpp"
+#include "model/joint.hpp"
 #include "model/settings/agreed_settings.hpp"
 #include "model/settings/presence.hpp"
 
@@ -91,7 +92,16 @@ bool fields(auto& archive, Is<Wrench> auto& m) { return archive("force", m.force
 
 /// Version of the messages: it changes with each change of their layout or meaning. Programs of different versions
 /// refuse to work together. Versions before had none; they begin with the length of a name, which is shorter.
-inline constexpr std::uint32_t kWireVersion = 100'005;
+inline constexpr std::uint32_t kWireVersion = 100'007;
+
+/// What viewers show of a joint: where it is, and its free directions.
+bool fields(auto& archive, Is<Joint> auto& m) {
+  return archive("name", m.name) && archive("kind", m.kind) && archive("a", m.a) && archive("b", m.b) &&
+         archive("in_a", m.in_a) && archive("in_b", m.in_b) && archive("x", m.axes[0].free) &&
+         archive("y", m.axes[1].free) && archive("z", m.axes[2].free) && archive("turn_x", m.axes[3].free) &&
+         archive("turn_y", m.axes[4].free) && archive("turn_z", m.axes[5].free) &&
+         archive.check(m.kind <= JointKind::six);
+}
 
 /// Topic `scene`: all that a late joiner needs to create every body.
 struct SceneDescription {
@@ -103,6 +113,7 @@ struct SceneDescription {
   std::vector<Mesh> meshes;
   std::vector<Body> bodies;
   std::vector<BodyState> states;  ///< of bodies[i] when the description was written
+  std::vector<Joint> joints = {};
 };
 bool fields(auto& archive, Is<SceneDescription> auto& m) {
   return archive("wire_version", m.wire_version) && archive("name", m.name) && archive("settings", m.settings) &&
@@ -112,7 +123,10 @@ bool fields(auto& archive, Is<SceneDescription> auto& m) {
                           [&](std::size_t i, auto& state) {
                             return archive("", StateOf{i < m.bodies.size() ? m.bodies[i].id : BodyId{}, state});
                           }) &&
-         archive.check(m.states.size() == m.bodies.size()) &&
+         archive("joints", m.joints) && archive.check(m.states.size() == m.bodies.size()) &&
+         archive.check(std::ranges::all_of(
+             m.joints,
+             [&](const Joint& joint) { return std::max(index(joint.a), index(joint.b)) < m.bodies.size(); })) &&
          archive.check(std::ranges::all_of(m.bodies, [&](const Body& body) {
            return body.shape.kind < ShapeKind::convex || body.shape.mesh < m.meshes.size();
          }));

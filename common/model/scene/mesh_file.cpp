@@ -99,14 +99,17 @@ Mesh read_mesh(const std::string& file, double scale, bool y_up) {
   if (!std::filesystem::is_regular_file(file, error)) {
     throw std::runtime_error(fmt::format("no such mesh file: {}; paths are relative to the scene file's folder", file));
   }
+  if (std::filesystem::is_empty(file, error)) throw std::runtime_error("is empty; export the mesh again");
   if (std::filesystem::file_size(file, error) > kLargestMeshFile) {
     throw std::runtime_error(fmt::format("is larger than {} MB; simplify it", kLargestMeshFile >> 20U));
   }
   Assimp::Importer importer;
   const aiScene* scene = import(importer, file);
   if (scene == nullptr) {
+    std::string why = importer.GetErrorString();
+    why.erase(why.find_last_not_of(" .;\n") + 1);
     throw std::runtime_error(
-        fmt::format("cannot be read as a mesh: {}; export it as STL or OBJ", importer.GetErrorString()));
+        fmt::format("cannot be read as a mesh: {}; is the file complete? Export it again, as STL or OBJ", why));
   }
   Mesh mesh;
   mesh.file = file;

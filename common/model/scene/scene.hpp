@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/body.hpp"
+#include "model/joint.hpp"
 #include "model/settings/optimisation.hpp"
 #include "model/settings/presence.hpp"
 
@@ -130,6 +131,7 @@ struct EngineSettings {
   Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2
   double length_unit_m = 1.0;           ///< length unit of the engine; some engines need a smaller one for small bodies
   Disabled disabled = kDisableNothing;  ///< as in Settings
+  std::vector<MaterialPair> pairs;      ///< of the scene
 
   /// Selects another engine or preset, and clears the settings of the one before.
   void change_to(const std::string& engine, const std::string& other_preset) {
@@ -235,6 +237,15 @@ struct Settings {
   [[nodiscard]] double longest_cycle_s() const noexcept { return largest_ratio() * h_s; }
 };
 
+/// A mesh that moves, as convex parts.
+struct DividedMesh {
+  std::string file;
+  std::size_t parts = 0;
+  double error_m = 0.0;      ///< as in `ConvexParts`
+  double concavity_m = 0.0;  ///< what it should be at most
+  std::string cache;         ///< file with the parts; empty: it could not be written
+};
+
 struct Scene {
   std::string name;
   std::string description;
@@ -242,6 +253,8 @@ struct Scene {
   std::vector<Mesh> meshes;
   std::vector<Body> bodies;        ///< bodies[i].id == i
   std::vector<BodyState> initial;  ///< of bodies[i]
+  std::vector<DividedMesh> divided;
+  std::vector<Joint> joints;
   std::vector<UserSpec> users;
   Settings settings;
 

@@ -8,20 +8,39 @@ namespace subworld {
 
 namespace {
 
-constexpr Limits kSpeed{.least = -1e6, .most = 1e6};  // m/s, rad/s
-constexpr Limits kSide{.least = 1e-6, .most = 1e6};   // m
+constexpr Limits kSpeed{.least = -1e6, .most = 1e6};                                                   // m/s, rad/s
+constexpr Limits kFriction{.least = 0.0, .most = 100.0}, kTurningFriction{.least = 0.0, .most = 1e3};  // m
+constexpr Limits kSide{.least = 1e-6, .most = 1e6};                                                    // m
 
-const std::initializer_list<std::string_view> kBodyKeys = {
-    "name",          "shape",   "size_m",     "radius_m", "length_m",     "wall_m",
-    "file",          "scale",   "up",         "parts",    "material",     "mass_kg",
-    "density_kg_m3", "fixed",   "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
-    "gravity",       "rotates", "at_rest",    "repeat"};
-const std::initializer_list<std::string_view> kProxyKeys = {
-    "body",       "shape",    "size_m",       "radius_m",
-    "length_m",   "file",     "scale",        "up",
-    "parts",      "material", "mass_kg",      "density_kg_m3",
-    "position_m", "rotation", "velocity_m_s", "angular_velocity_rad_s",
-    "gravity",    "rotates"};
+/// Keys of bodies and proxies alike, and some more.
+std::vector<std::string_view> keys_and(std::initializer_list<std::string_view> own) {
+  std::vector<std::string_view> keys{"shape",
+                                     "size_m",
+                                     "radius_m",
+                                     "length_m",
+                                     "file",
+                                     "scale",
+                                     "up",
+                                     "parts",
+                                     "decompose",
+                                     "material",
+                                     "mass_kg",
+                                     "density_kg_m3",
+                                     "inertia_kg_m2",
+                                     "centre_of_mass_m",
+                                     "position_m",
+                                     "rotation",
+                                     "velocity_m_s",
+                                     "angular_velocity_rad_s",
+                                     "gravity",
+                                     "rotates",
+                                     "collision_group"};
+  keys.insert(keys.end(), own);
+  return keys;
+}
+const std::vector<std::string_view> kBodyKeys =
+    keys_and({"name", "fixed", "wall_m", "at_rest", "repeat", "surface_velocity_m_s", "surface_turn_rad_s"});
+const std::vector<std::string_view> kProxyKeys = keys_and({"body"});
 
 /// In place of a shape with an error, so that a mass follows from it without another error.
 const SolidShape kUnread{.volume = 1.0, .inertia_per_kg = Vec3::Ones()};
@@ -30,6 +49,39 @@ SolidShape unread(const YamlMap& map) {
   SolidShape solid = kUnread;
   if (map.has("parts") && !map.has("mass_kg") && !map.has("density_kg_m3")) solid.mass = 1.0;
   return solid;
+}
+
+const Material& find_material(const YamlValue& value, const Materials& materials) {
+  const std::string name = value.text();
+  if (const auto known = materials.find(name); known != materials.end()) return known->second;
+  std::vector<std::string_view> names;
+  for (const auto& [known, unused] : materials) names.push_back(known);
+  const std::string_view near = nearest(name, names);
+  value.fail(near.empty() ? fmt::format("unknown material \"{}\"; describe it under \"materials\"", name)
+                          : fmt::format("unknown material \"{}\"; did you mean \"{}\"?", name, near));
+}
+
+MaterialPair read_pair(const YamlValue& item, const Materials& materials) {
+  Faults faults;
+  const YamlMap map(item, {"a", "b", "friction", "restitution", "rolling_friction_m", "spinning_friction_m"}, faults);
+  MaterialPair pair;
+  faults.collect([&] { pair.a = find_material(map.at("a"), materials).number; });
+  faults.collect([&] { pair.b = find_material(map.at("b"), materials).number; });
+  bool any = false;
+  const auto read = [&](const char* key, std::optional<double>& target, const Limits& limits) {
+    faults.collect([&] {
+      const auto value = map.find(key);
+      any = any || value;
+      if (value) target = value->number(limits);
+    });
+  };
+  read("friction", pair.friction, kFriction);
+  read("restitution", pair.restitution, kUnit);
+  read("rolling_friction_m", pair.rolling_friction, kTurningFriction);
+  read("spinning_friction_m", pair.spinning_friction, kTurningFriction);
+  faults.raise();
+  if (!any) item.fail("add friction, restitution, rolling_friction_m or spinning_friction_m");
+  return pair;
 }
 
 }  // namespace
@@ -47,12 +99,38 @@ Materials read_materials(const YamlValue& value, Faults& faults) {
   for (const YamlValue::Named& entry : value.entries()) {
     Material& material = materials[entry.key];
     faults.collect([&] {
-      const YamlMap map(entry.value, {"friction", "restitution"}, faults);
-      faults.collect([&] { map.read("friction", material.friction, {.least = 0.0, .most = 100.0}); });
+      const YamlMap map(entry.value, {"friction", "restitution", "rolling_friction_m", "spinning_friction_m"}, faults);
+      faults.collect([&] { map.read("friction", material.friction, kFriction); });
       faults.collect([&] { map.read("restitution", material.restitution, kUnit); });
+      faults.collect([&] { map.read("rolling_friction_m", material.rolling_friction, kTurningFriction); });
+      faults.collect([&] { map.read("spinning_friction_m", material.spinning_friction, kTurningFriction); });
     });
   }
   return materials;
+}
+
+std::vector<MaterialPair> read_pairs(const YamlValue& list, Materials& materials) {
+  std::vector<MaterialPair> pairs;
+  std::uint32_t number = 0;
+  for (auto& [name, material] : materials) material.number = ++number;
+  Faults faults;
+  for (const YamlValue& item : list.items()) {
+    faults.collect([&] {
+      const MaterialPair pair = read_pair(item, materials);
+      const auto is_same = [&](const MaterialPair& other) {
+        return std::minmax(other.a, other.b) == std::minmax(pair.a, pair.b);
+      };
+      if (std::ranges::any_of(pairs, is_same)) item.fail("these two materials are a pair already; remove one");
+      pairs.push_back(pair);
+    });
+  }
+  faults.raise();
+  return pairs;
+}
+
+Material read_material(const YamlMap& map, const Materials& materials) {
+  const auto value = map.find("material");
+  return value ? find_material(*value, materials) : Material{};
 }
 
 void BodyReader::read_bodies(const YamlValue& list) {
@@ -130,7 +208,7 @@ void BodyReader::read_bin(const YamlMap& map) {
   }
 }
 
-BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidShape& solid) const {
+BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidShape& solid) {
   Template made;
   Body& body = made.body;
   made.frame = solid.frame;
@@ -141,12 +219,16 @@ BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidSh
       if (const auto value = map.find(key)) target = value->vec3(limits);
     });
   };
-  faults.collect([&] { body.material = read_material(map); });
+  faults.collect([&] { body.material = read_material(map, materials_); });
   faults.collect([&] {
     read_mass(map, solid, body);
-    if (!body.fixed()) return;
+    if (!body.fixed()) return map.forbid({"surface_velocity_m_s", "surface_turn_rad_s"}, "only a fixed body has them");
     map.forbid({"velocity_m_s", "angular_velocity_rad_s", "gravity", "rotates", "at_rest"}, "the body is fixed");
     body.gravity = false;
+  });
+  faults.collect([&] {
+    if (const auto group = map.find("collision_group"))
+      body.group = groups_.try_emplace(group->name(), groups_.size() + 1).first->second;
   });
   faults.collect([&] { map.read("gravity", body.gravity); });
   faults.collect([&] { map.read("rotates", body.rotates); });
@@ -158,6 +240,8 @@ BodyReader::Template BodyReader::read_template(const YamlMap& map, const SolidSh
   read_vector("position_m", made.state.position, kPlace);
   read_vector("velocity_m_s", made.state.linear_velocity, kSpeed);
   read_vector("angular_velocity_rad_s", made.state.angular_velocity, kSpeed);
+  read_vector("surface_velocity_m_s", body.surface_velocity, kSpeed);
+  read_vector("surface_turn_rad_s", body.surface_turn, kSpeed);
   faults.collect([&] { made.state.orientation = read_rotation(map); });
   faults.raise();
   return made;
@@ -175,18 +259,6 @@ void BodyReader::read_mass(const YamlMap& map, const SolidShape& solid, Body& bo
   if (!(body.inertia.minCoeff() > 0.0) || !body.inertia.allFinite()) {
     map.whole().fail("size and mass give a moment of inertia that is not a positive number; check both");
   }
-}
-
-Material BodyReader::read_material(const YamlMap& map) const {
-  const auto value = map.find("material");
-  if (!value) return {};
-  const std::string name = value->text();
-  if (const auto known = materials_.find(name); known != materials_.end()) return known->second;
-  std::vector<std::string_view> names;
-  for (const auto& [known, unused] : materials_) names.push_back(known);
-  const std::string_view near = nearest(name, names);
-  value->fail(near.empty() ? fmt::format("unknown material \"{}\"; describe it under \"materials\"", name)
-                           : fmt::format("unknown material \"{}\"; did you mean \"{}\"?", name, near));
 }
 
 BodyId BodyReader::add(const YamlValue& place, const std::string& name, const Template& made, const Pose& offset) {
@@ -223,22 +295,33 @@ BodyId BodyReader::read_proxy(const YamlValue& value, const std::string& user) {
     if (key != "body") map.forbid({key}, "the proxy is an existing body");
   }
   const std::string name = at->text();
-  const auto known = names_.find(name);
-  if (known == names_.end() && !complete_) return add(value, user + "/proxy", {}, {});
-  if (known == names_.end()) {
-    const std::vector<std::string_view> all = [&] {
-      std::vector<std::string_view> names;
-      for (const Body& body : scene_.bodies) names.push_back(body.name);
-      return names;
-    }();
-    const std::string_view near = nearest(name, all);
-    at->fail(fmt::format("no body is named \"{}\"{}", name,
-                         near.empty() ? "; name one of \"bodies\"" : fmt::format("; did you mean \"{}\"?", near)));
-  }
-  if (scene_.body(known->second).fixed()) {
+  if (!complete_ && !names_.contains(name)) return add(value, user + "/proxy", {}, {});
+  const BodyId known = find_body(*at);
+  if (scene_.body(known).fixed()) {
     at->fail(fmt::format("\"{}\" is fixed, a proxy must move; give it a mass or choose another body", name));
   }
-  return known->second;
+  return known;
+}
+
+BodyId BodyReader::find_body(const YamlValue& name) const {
+  const std::string text = name.text();
+  if (const auto known = names_.find(text); known != names_.end()) return known->second;
+  std::vector<std::string_view> all;
+  for (const Body& body : scene_.bodies) all.push_back(body.name);
+  const std::string_view near = nearest(text, all);
+  name.fail(fmt::format("no body is named \"{}\"{}", text,
+                        near.empty() ? "; name one of \"bodies\"" : fmt::format("; did you mean \"{}\"?", near)));
+}
+
+std::vector<BodyId> BodyReader::find_copies(const YamlValue& name) const {
+  const std::string text = name.text();
+  std::vector<BodyId> copies;
+  for (auto next = names_.find(text + "/0"); next != names_.end();
+       next = names_.find(fmt::format("{}/{}", text, copies.size())))
+    copies.push_back(next->second);
+  if (copies.empty()) (void)find_body(name);
+  if (copies.size() < 2) name.fail("needs a body with \"repeat\" and at least two copies");
+  return copies;
 }
 
 }  // namespace subworld

@@ -29,8 +29,8 @@ std::string to_text(const RatioBounds& ratio) {
 Scene load_scene(const std::string& file) {
   const YamlNode root = read_yaml(file);
   Faults faults;
-  const YamlMap map({file, "", root, root.mark}, {"name", "description", "settings", "materials", "bodies", "users"},
-                    faults);
+  const YamlMap map({file, "", root, root.mark},
+                    {"name", "description", "settings", "materials", "pairs", "bodies", "joints", "users"}, faults);
   Scene scene;
   scene.file = file;
   faults.collect([&] { scene.name = map.at("name").name(); });
@@ -44,8 +44,15 @@ Scene load_scene(const std::string& file) {
     if (const auto value = map.find("materials")) materials = read_materials(*value, faults);
   });
   if (!named) faults.raise();  // else each use of a material would be an error
+  faults.collect([&] {
+    if (const auto pairs = map.find("pairs"))
+      scene.settings.world.pairs = scene.settings.haptic.pairs = read_pairs(*pairs, materials);
+  });
   BodyReader bodies(scene, std::move(materials));
-  faults.collect([&] { bodies.read_bodies(map.at("bodies")); });
+  const bool complete = faults.collect([&] { bodies.read_bodies(map.at("bodies")); });
+  faults.collect([&] {
+    if (const auto joints = map.find("joints"); joints && complete) JointReader(scene, bodies).read(*joints);
+  });
   faults.collect([&] { read_users(map.at("users"), bodies, scene); });
   faults.raise();
   if (scene.settings.users > static_cast<int>(scene.users.size())) {

@@ -19,14 +19,11 @@ const std::initializer_list<std::string_view> kShapes = {"sphere", "box",  "caps
 
 /// The measures of each shape.
 constexpr std::pair<std::string_view, std::string_view> kMeasures[] = {
-    {"size_m", "box bin"},
-    {"radius_m", "sphere capsule cylinder tube"},
-    {"length_m", "capsule cylinder tube"},
-    {"wall_m", "bin tube"},
-    {"sides", "tube"},
-    {"file", "convex mesh"},
-    {"scale", "convex mesh"},
-    {"up", "convex mesh"},
+    {"size_m", "box bin"},    {"radius_m", "sphere capsule cylinder tube"},
+    {"top_radius_m", "tube"}, {"length_m", "capsule cylinder tube"},
+    {"wall_m", "bin tube"},   {"sides", "tube"},
+    {"file", "convex mesh"},  {"scale", "convex mesh"},
+    {"up", "convex mesh"},    {"decompose", "mesh"},
     {"parts", "compound"},
 };
 
@@ -78,14 +75,19 @@ SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
   const std::size_t kind = at.choice(kShapes);  // in the order of ShapeKind
   if (word == "bin") at.fail("a bin cannot be a proxy or a part; use a box, sphere, capsule, cylinder or convex");
   shape.kind = static_cast<ShapeKind>(kind);
-  forbid_other_measures(map, word);
-  if (!fixed && (shape.kind == ShapeKind::plane || shape.kind == ShapeKind::mesh)) {
-    at.fail(fmt::format("a {} cannot move; add \"fixed: true\" or use another shape", word));
+  const bool movable_mesh = word == "mesh" && !fixed;
+  if (word != "compound" && !movable_mesh) {
+    map.forbid({"inertia_kg_m2", "centre_of_mass_m"},
+               "they follow from the shape; write shape: compound with one part");
   }
+  forbid_other_measures(map, word);
+  if (fixed) map.forbid({"decompose"}, "a fixed mesh has its triangles as they are");
+  if (!fixed && shape.kind == ShapeKind::plane)
+    at.fail("a plane cannot move; add \"fixed: true\" or use another shape");
   switch (shape.kind) {
     case ShapeKind::convex:
     case ShapeKind::mesh:
-      return read_mesh_shape(map, shape.kind);
+      return movable_mesh ? read_movable_mesh(map) : read_mesh_shape(map, shape.kind);
     case ShapeKind::compound:
       return read_compound(map, fixed);
     case ShapeKind::plane:
@@ -105,27 +107,32 @@ SolidShape BodyReader::read_shape(const YamlMap& map, bool fixed) {
   return primitive(shape);
 }
 
-SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind) {
-  const YamlValue at = map.at("file");
-  double scale = 1.0;
-  map.read("scale", scale, {.least = 1e-9, .most = 1e9});
-  const std::string name = at.text();
-  bool y_up = false;
+BodyReader::MeshWords BodyReader::read_mesh_words(const YamlMap& map) {
+  MeshWords words{.file = map.at("file").text()};
+  map.read("scale", words.scale, {.least = 1e-9, .most = 1e9});
   if (const auto up = map.find("up")) {
-    if (tells_up_axis(name)) up->fail(fmt::format("\"{}\" tells its up axis itself; remove the key", name));
-    y_up = up->choice({"z", "y"}) == 1;
+    if (tells_up_axis(words.file)) up->fail(fmt::format("\"{}\" tells its up axis itself; remove the key", words.file));
+    words.y_up = up->choice({"z", "y"}) == 1;
   }
-  const std::tuple key(name, scale, y_up, kind);
-  if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
-  Mesh mesh;
+  return words;
+}
+
+Mesh BodyReader::read_mesh_file(const YamlMap& map, const MeshWords& words) const {
   try {
-    mesh = read_mesh((std::filesystem::path(scene_.file).parent_path() / name).string(), scale, y_up);
+    return read_mesh((std::filesystem::path(scene_.file).parent_path() / words.file).string(), words.scale, words.y_up);
   } catch (const std::runtime_error& e) {
-    at.fail(fmt::format("\"{}\" {}", name, e.what()));
+    map.at("file").fail(fmt::format("\"{}\" {}", words.file, e.what()));
   }
+}
+
+SolidShape BodyReader::read_mesh_shape(const YamlMap& map, ShapeKind kind) {
+  const MeshWords words = read_mesh_words(map);
+  const std::pair key(words, kind);
+  if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
+  Mesh mesh = read_mesh_file(map, words);
   SolidShape solid;
-  if (kind == ShapeKind::convex) solid = convex_solid(at, mesh);
-  mesh.file = name;
+  if (kind == ShapeKind::convex) solid = convex_solid(map.at("file"), mesh);
+  mesh.file = words.file;
   solid.shape.kind = kind;
   solid.shape.mesh = static_cast<std::uint32_t>(scene_.meshes.size());
   scene_.meshes.push_back(std::move(mesh));

@@ -51,12 +51,27 @@ class Hasher {
   void put(const Mesh& m) { add(m.vertices, m.triangles, m.parts); }
   void put(const BodyPart& p) {
     put(p.shape);
-    add(p.pose.position, p.pose.orientation, p.material.friction, p.material.restitution);
+    add(p.pose.position, p.pose.orientation, p.material.friction, p.material.restitution, p.material.rolling_friction,
+        p.material.spinning_friction, p.material.number);
   }
   void put(const Shape& s) { add(s.kind, s.half_extents, s.radius, s.half_length, s.mesh); }
   void put(const Body& b) {
     add(b.id, b.name, b.shape);
     add(b.material.friction, b.material.restitution, b.mass, b.inertia, b.gravity, b.rotates, b.at_rest);
+    add(b.material.rolling_friction, b.material.spinning_friction, b.material.number, b.surface_velocity,
+        b.surface_turn, b.group);
+  }
+  void put(const MaterialPair& p) {
+    add(p.a, p.b, p.friction.value_or(-1.0), p.restitution.value_or(-1.0), p.rolling_friction.value_or(-1.0),
+        p.spinning_friction.value_or(-1.0));
+  }
+  void put(const JointAxis& a) {
+    add(a.free, a.lower, a.upper, a.friction, a.stiffness, a.damping, a.rest, a.speed, a.most);
+  }
+  void put(const Joint& j) {
+    add(j.name, j.kind, j.a, j.b, j.in_a.position, j.in_a.orientation, j.in_b.position, j.in_b.orientation);
+    for (const JointAxis& axis : j.axes) put(axis);
+    add(j.break_force_n, j.break_torque_n_m, j.collide);
   }
   void put(const PathSegment& s) {
     add(s.kind, s.from_s, s.to_s, s.profile ? 1 + static_cast<int>(*s.profile) : 0, s.every_s, s.displacement, s.axis,
@@ -98,7 +113,7 @@ std::vector<NamedSetting> agreed_settings(const Scene& scene) {
     list.push_back({at + "device.path", fmt::format("{:016x}", path.value())});
   }
   Hasher bodies;
-  bodies.add(scene.meshes, scene.bodies, scene.initial);
+  bodies.add(scene.meshes, scene.bodies, scene.initial, scene.joints, scene.settings.world.pairs);
   list.push_back({"bodies", fmt::format("{:016x}", bodies.value())});
   return list;
 }

@@ -119,7 +119,7 @@ void read_engine(const YamlValue& value, Settings& settings, UserSpec& /*user*/)
 /// A preset of another name is one of a plug-in, which a scene that others shall run does not name.
 template <EngineSettings Settings::*engine>
 void read_preset(const YamlValue& value, Settings& settings, UserSpec& user) {
-  if (!value.file().empty()) (void)value.choice({"fast", "quality"});
+  if (!value.file().empty()) (void)value.choice({"fast", "quality", "large"});
   read_engine<engine, &EngineSettings::preset>(value, settings, user);
 }
 
@@ -192,8 +192,8 @@ const std::vector<Setting> kSettings{
 
     {"world.engine", RUN(world.name), kAny, "physics engine of the world", kOfWorld, "--engine", "",
      read_engine<&S::world, &Engine::name>},
-    {"world.preset", RUN(world.preset), kAny, "settings that the engine brings: fast or quality", kOfWorld, "", "",
-     read_preset<&S::world>},
+    {"world.preset", RUN(world.preset), kAny, "settings that the engine brings: fast, quality, or large (Bullet)",
+     kOfWorld, "", "", read_preset<&S::world>},
     {"world.iterations", RUN(world.iterations), Limits{1, 1e5}, "solver iterations", kOfWorld, "", kOfPreset},
     {"world.substeps", RUN(world.substeps), Limits{1, 1000},
      "sub-steps of a cycle, each with its own force on the proxies", kOfWorld, "", "the scheme's"},
@@ -202,8 +202,8 @@ const std::vector<Setting> kSettings{
     {"world.length_unit_m", RUN(world.length_unit_m), kMetres, "unit of length in which the engine computes", kOfWorld},
     {"haptic.engine", RUN(haptic.name), kAny, "physics engine of the sub-worlds", kHaptic, "--haptic-engine", "",
      read_engine<&S::haptic, &Engine::name>},
-    {"haptic.preset", RUN(haptic.preset), kAny, "settings that the engine brings: fast or quality", kHaptic, "", "",
-     read_preset<&S::haptic>},
+    {"haptic.preset", RUN(haptic.preset), kAny, "settings that the engine brings: fast, quality, or large (Bullet)",
+     kHaptic, "", "", read_preset<&S::haptic>},
     {"haptic.iterations", RUN(haptic.iterations), Limits{1, 1e5}, "solver iterations", kHaptic, "", kOfPreset},
     {"haptic.substeps", RUN(haptic.substeps), Limits{1, 1000}, "engine steps in a haptic step", kHaptic, "", kOfPreset},
     {"haptic.longest_substep_s", RUN(haptic.longest_substep_s), kSubStep,

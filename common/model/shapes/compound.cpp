@@ -64,22 +64,27 @@ Mesh surface(const Shape& shape, std::span<const Mesh> meshes) {
   return shape.kind == ShapeKind::box ? faces_of_box(shape.half_extents) : turned_around(outline_of(shape));
 }
 
-Compound assemble(std::span<const WeightedPart> parts, std::span<const Mesh> meshes) {
-  Compound whole;
+MassProperties total_of(std::span<const WeightedPart> parts) {
+  MassProperties whole;
   for (const WeightedPart& one : parts) {
     whole.mass += one.mass;
-    whole.frame.position += one.mass * one.part.pose.position;
+    whole.centre += one.mass * one.part.pose.position;
   }
-  if (whole.mass > 0.0) whole.frame.position /= whole.mass;
-  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
+  if (whole.mass > 0.0) whole.centre /= whole.mass;
   for (const WeightedPart& one : parts) {
     const Eigen::Matrix3d turn = one.part.pose.orientation.toRotationMatrix();
-    const Vec3 arm = one.part.pose.position - whole.frame.position;
-    inertia += turn * one.inertia.asDiagonal() * turn.transpose();
-    inertia += one.mass * (arm.squaredNorm() * Eigen::Matrix3d::Identity() - arm * arm.transpose());
+    const Vec3 arm = one.part.pose.position - whole.centre;
+    whole.inertia += turn * one.inertia.asDiagonal() * turn.transpose();
+    whole.inertia += one.mass * (arm.squaredNorm() * Eigen::Matrix3d::Identity() - arm * arm.transpose());
   }
-  const PrincipalAxes principal = principal_axes(inertia);
-  whole.frame.orientation = Quat(principal.axes).normalized();
+  return whole;
+}
+
+Compound assemble(std::span<const WeightedPart> parts, std::span<const Mesh> meshes, const MassProperties& given) {
+  Compound whole;
+  const PrincipalAxes principal = principal_axes(given.inertia);
+  whole.mass = given.mass;
+  whole.frame = {given.centre, Quat(principal.axes).normalized()};
   whole.inertia = principal.moments;
   const Quat back = whole.frame.orientation.conjugate();
   const Pose from_parts{back * -whole.frame.position, back};

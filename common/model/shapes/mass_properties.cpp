@@ -103,6 +103,11 @@ bool closed(const Mesh& mesh) {
   });
 }
 
+bool of_a_body(const Vec3& moments) noexcept {
+  constexpr double kRounding = 2e-3;  // of the largest: 0.333 + 0.333 < 0.667
+  return moments.minCoeff() > 0.0 && moments.sum() >= (2.0 - kRounding) * moments.maxCoeff();
+}
+
 PrincipalAxes principal_axes(const Eigen::Matrix3d& inertia) {
   PrincipalAxes result{.moments = inertia.diagonal()};
   Eigen::Matrix3d products = inertia;

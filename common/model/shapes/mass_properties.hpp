@@ -28,6 +28,9 @@ struct PrincipalAxes {
   Vec3 moments = Vec3::Zero();
 };
 [[nodiscard]] PrincipalAxes principal_axes(const Eigen::Matrix3d& inertia);
+/// Whether a body can have these principal moments: all are positive, and none is above the sum of the others, but for
+/// values of a thin plate in three digits.
+[[nodiscard]] bool of_a_body(const Vec3& moments) noexcept;
 
 /// True if every edge joins exactly two triangles that pass it in opposite directions.
 [[nodiscard]] bool closed(const Mesh& mesh);

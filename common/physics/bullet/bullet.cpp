@@ -3,9 +3,11 @@
 #include "physics/bullet/contacts/box_plane.hpp"
 #include "physics/bullet/contacts/convex_contacts.hpp"
 #include "physics/bullet/parts.hpp"
+#include "physics/bullet/presets.hpp"
 #include "physics/bullet/shapes.hpp"
 #include "physics/bullet/small_steps.hpp"
 #include "physics/bullet/solver/contact_solver.hpp"
+#include "physics/bullet/solver/joint_set.hpp"
 #include "physics/gyroscope.hpp"
 
 #include <algorithm>
@@ -23,30 +25,9 @@ namespace {
 
 using bullet::from_bullet;
 using bullet::scalar;
+using bullet::set_pose;
+using bullet::set_velocity_of;
 using bullet::to_bullet;
-
-constexpr SubstepCost kCost{.step_s = 4e-6, .body_s = 0.3e-6, .contact_s = 0.6e-6, .contact_iteration_s = 0.09e-6};
-constexpr EnginePreset kPresets[] = {
-    {.name = "fast",
-     .what = "10 iterations, no sub-steps: what haptic steps need",
-     .iterations = 10,
-     .cost = kCost,
-     .heavy_on_light = {700, 170}},
-    {.name = "quality",
-     .what = "sub-steps of at most 0.7 ms, 16 iterations in 8 small steps of each: for high stacks",
-     .iterations = 16,
-     .longest_substep_s = 0.7e-3,
-     .cost = kCost,
-     .heavy_on_light = {70000, 70000}},
-};
-struct PresetValues {
-  bool small_steps;                   ///< a sub-step is solved as small steps (small_steps.hpp)
-  double contact_breaking_threshold;  ///< relative to the size of the smaller body
-};
-constexpr PresetValues kPresetValues[] = {
-    {false, 0.005},
-    {true, 0.002},
-};
 
 // Friction without small steps. Friction that starts from zero in each step lets a held body creep by a small distance
 // in each step, so faster with longer steps. Friction that continues from step to step holds a card house, but with few
@@ -72,6 +53,7 @@ constexpr double kTreeMarginRatio = 0.05;
 struct Slot : AdapterSlot {
   std::unique_ptr<btRigidBody> body;
   std::unique_ptr<bullet::Parts> parts;  ///< of a compound body
+  std::unique_ptr<bullet::Surface> surface;
   bool gyroscopic = false;
   FreeTurn turn;
 };
@@ -80,26 +62,27 @@ class Bullet final : public Adapter<Slot> {
  public:
   Bullet(const EngineSettings& settings, std::span<const Mesh> meshes)
       : Adapter(kPlugin, settings),
-        values_(kPresetValues[find_preset(kPlugin, settings.preset)]),
-        iterations_(settings.iterations.value_or(preset_.iterations)),
+        values_(bullet::kPresetValues[find_preset(kPlugin, settings.preset)]),
+        fixed_iterations_(settings.iterations),
+        pairs_(settings.pairs),
         shapes_(meshes),
         configuration_(bullet::collision_settings()),
-        dispatcher_(&configuration_),
+        dispatcher_(&configuration_, values_.ahead_s > 0.0),
         world_(&dispatcher_, &broadphase_, chosen_solver(), &configuration_) {
     bullet::register_box_box(dispatcher_);
     bullet::register_convex_contacts(dispatcher_);
     // Bullet's list of persistent points suits a solver that starts friction from zero in each step. Small steps need
     // points that store the impulses of the last sub-step.
     if (!values_.small_steps) bullet::register_box_plane(dispatcher_);
-    if (values_.small_steps) world_.leave_moving_to_solver();
+    if (values_.small_steps) world_.leave_moving_to_solver(values_.ahead_s);
     auto& info = world_.getSolverInfo();
-    info.m_numIterations = iterations_;
     info.m_sor = 1;
     info.m_erp2 = scalar(kPushOutRatio);
     solver_.set_friction_forgotten(scalar(kFrictionForgotten_s));
     solver_.set_friction_relaxation(scalar(kFrictionRelaxation));
     solver_.keep_frictionless(disables(settings.disabled, Optimisation::friction));
     small_steps_.keep_frictionless(disables(settings.disabled, Optimisation::friction));
+    small_steps_.set_most_passes(values_.most_spring_passes, values_.most_rigid_passes);
     // Gravity is applied here as a force, so that set_inertia() leaves the weight alone.
     world_.setGravity(btVector3(0, 0, 0));
   }
@@ -114,9 +97,11 @@ class Bullet final : public Adapter<Slot> {
     return {.normal_impulse = Fidelity::exact,
             .tangential_impulse = Fidelity::exact,
             .gyroscopic = Fidelity::exact,
+            .joints = Fidelity::exact,
             .checkpoint = Fidelity::estimated,  // poses and velocities; the solver's warm start is not saved
             .deterministic = true,
-            .precision = std::numeric_limits<btScalar>::epsilon()};
+            .precision = std::numeric_limits<btScalar>::epsilon(),
+            .longest_step_s = values_.ahead_s > 0.0 ? values_.ahead_s : Capabilities{}.longest_step_s};
   }
 
   BodyState state(BodyId id) const override {
@@ -127,7 +112,7 @@ class Bullet final : public Adapter<Slot> {
 
   double integration_substep_s(double dt) const noexcept override {
     const double substep = Adapter::integration_substep_s(dt);
-    return values_.small_steps ? substep / bullet::SmallStepSolver::step_count(iterations_) : substep;
+    return values_.small_steps ? substep / bullet::SmallStepSolver::step_count(iterations(substep)) : substep;
   }
   void step(double dt) override {
     claim_globals();
@@ -138,12 +123,13 @@ class Bullet final : public Adapter<Slot> {
           for (const std::uint32_t id : movable_) {
             Slot& slot = slots_[id];
             slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
-            slot.body->applyTorque(to_bullet(slot.torque));
+            if (!slot.torque.isZero(0.0)) slot.body->applyTorque(to_bullet(slot.torque));
             if (slot.gyroscopic) begin_turn(slot, h);
             if (slot.parts) slot.parts->follow();
           }
           clock_.ends(&EngineTimes::exchange_s);
-          world_.stepSimulation(scalar(h), 0);
+          world_.getSolverInfo().m_numIterations = iterations(h);
+          world_.advance(scalar(h));
           for (const std::uint32_t id : movable_) {
             if (slots_[id].gyroscopic) end_turn(slots_[id]);
           }
@@ -193,9 +179,16 @@ class Bullet final : public Adapter<Slot> {
     slot.gyroscopic = body.rotates && !body.fixed() && feels_gyroscopic_torque(body.inertia);
     set_pose(*slot.body, state);
     if (body.shape.kind == ShapeKind::compound)
-      slot.parts = std::make_unique<bullet::Parts>(*slot.body, shapes_.parts(body.shape), shapes_);
+      slot.parts = std::make_unique<bullet::Parts>(*slot.body, shapes_.parts(body.shape), pairs_, shapes_);
+    if (!pairs_.empty() || body.is_driven() || resists_turning(body.material)) {
+      slot.surface = std::make_unique<bullet::Surface>(
+          bullet::Surface{body.material, pairs_, to_bullet(body.surface_velocity), to_bullet(body.surface_turn)});
+      set_surface(*slot.body, slot.surface.get());
+    }
     world_.addRigidBody(slot.body.get(), static_cast<int>(collides.member), static_cast<int>(collides.meets));
     world_.left_contacts().came(*slot.body);
+    world_.search_again();
+    part_from_group(slot, true);
     if (body.fixed()) return;
     const Box size = bounds_of(slot);
     tree_margin_ = std::min(tree_margin_, kTreeMarginRatio * (size.upper - size.lower).minCoeff());
@@ -203,12 +196,24 @@ class Bullet final : public Adapter<Slot> {
 
   void destroy(Slot& slot) override {
     world_.left_contacts().keep(*slot.body, dispatcher_);
+    world_.search_again();
+    part_from_group(slot, false);
     world_.removeRigidBody(slot.body.get());
+  }
+
+  void part_from_group(Slot& slot, bool parts) {
+    if (slot.group == 0) return;
+    for (Slot& other : slots_) {
+      if (!other.used || other.id == slot.id || other.group != slot.group) continue;
+      other.body->setIgnoreCollisionCheck(slot.body.get(), parts);
+      slot.body->setIgnoreCollisionCheck(other.body.get(), parts);
+    }
   }
 
   void place(Slot& slot, const BodyState& state) override {
     set_pose(*slot.body, state);
     if (slot.parts) slot.parts->follow();
+    world_.search_again();
     moved_.push_back(BodyId{slot.id});
   }
 
@@ -226,7 +231,18 @@ class Bullet final : public Adapter<Slot> {
     slot.body->applyImpulse(to_bullet(impulse), to_bullet(point) - slot.body->getCenterOfMassPosition());
   }
 
+  void require(const Joint&) const override {}
+  void connect(std::size_t j) override {
+    joint_set_.add(j, joints_[j], *at(joints_[j].a).body, *at(joints_[j].b).body);
+  }
+  void disconnect(std::size_t j) override { joint_set_.remove(j); }
+  JointLoad take_load(std::size_t j) override { return joint_set_.take_load(j); }
+
   static Box bounds_of(const Slot& slot) { return bullet::box_of(*slot.body); }
+
+  [[nodiscard]] int iterations(double h) const noexcept {
+    return iteration_count(h, fixed_iterations_, preset_.iterations, preset_.longest_iteration_s);
+  }
 
   btConstraintSolver* chosen_solver() {
     if (values_.small_steps) return &small_steps_;
@@ -272,21 +288,6 @@ class Bullet final : public Adapter<Slot> {
     slot.body->setAngularVelocity(to_bullet(slot.turn.end(orientation, spin)));
   }
 
-  static void set_pose(btRigidBody& body, const BodyState& state) {
-    const btTransform pose(to_bullet(state.orientation), to_bullet(state.position));
-    body.setWorldTransform(pose);
-    body.setInterpolationWorldTransform(pose);
-    set_velocity_of(body, state.linear_velocity, state.angular_velocity);
-    body.updateInertiaTensor();
-  }
-
-  static void set_velocity_of(btRigidBody& body, const Vec3& linear, const Vec3& angular) {
-    body.setLinearVelocity(to_bullet(linear));
-    body.setAngularVelocity(to_bullet(angular));
-    body.setInterpolationLinearVelocity(body.getLinearVelocity());
-    body.setInterpolationAngularVelocity(body.getAngularVelocity());
-  }
-
   void collect_contacts(int substep) {
     for (int m = 0; m < dispatcher_.getNumManifolds(); ++m) {
       const btPersistentManifold& manifold = *dispatcher_.getManifoldByIndexInternal(m);
@@ -294,8 +295,8 @@ class Bullet final : public Adapter<Slot> {
       const auto& second = *static_cast<const btRigidBody*>(manifold.getBody1());
       const bool swap = first.getUserIndex() > second.getUserIndex();
       for (int p = 0; p < manifold.getNumContacts(); ++p) {
-        const Contact contact = swap ? read(second, first, manifold.getContactPoint(p), -1.0)
-                                     : read(first, second, manifold.getContactPoint(p), 1.0);
+        const Contact contact = swap ? bullet::contact_of(second, first, manifold.getContactPoint(p), -1.0)
+                                     : bullet::contact_of(first, second, manifold.getContactPoint(p), 1.0);
         if (contact.normal_impulse <= 0.0 && contact.distance > 0.0) continue;
         // Points move with the bodies between sub-steps, so the tolerance is larger than Bullet's own.
         contacts_.add(contact, substep, 5.0 * manifold.getContactBreakingThreshold());
@@ -303,30 +304,18 @@ class Bullet final : public Adapter<Slot> {
     }
   }
 
-  static Contact read(const btRigidBody& a, const btRigidBody& b, const btManifoldPoint& point, double sign) {
-    Contact contact;
-    contact.a = BodyId{static_cast<std::uint32_t>(a.getUserIndex())};
-    contact.b = BodyId{static_cast<std::uint32_t>(b.getUserIndex())};
-    const btVector3& on_b = sign > 0.0 ? point.getPositionWorldOnB() : point.getPositionWorldOnA();
-    contact.point = from_bullet(on_b);
-    contact.normal = sign * from_bullet(point.m_normalWorldOnB);
-    contact.distance = point.getDistance();
-    contact.normal_impulse = point.m_appliedImpulse;
-    contact.tangential_impulse = sign * from_bullet(point.m_appliedImpulseLateral1 * point.m_lateralFrictionDir1 +
-                                                    point.m_appliedImpulseLateral2 * point.m_lateralFrictionDir2);
-    return contact;
-  }
-
-  const PresetValues& values_;
+  const bullet::PresetValues& values_;
   double tree_margin_ = 0.05;  ///< m
-  int iterations_;
+  std::optional<int> fixed_iterations_;
+  const std::vector<MaterialPair> pairs_;
   bullet::ShapeStore shapes_;
   btDefaultCollisionConfiguration configuration_;
-  btCollisionDispatcher dispatcher_;
+  bullet::Dispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
   bullet::ContactSolver solver_;
   bullet::SmallStepSolver small_steps_;
   bullet::SmallStepWorld world_;
+  bullet::JointSet joint_set_{world_};
   mutable std::vector<BodyId> moved_;  ///< set since the last step, not yet in the tree
 };
 
@@ -339,7 +328,7 @@ const EnginePlugin kPlugin{
     .version = "Bullet 3.24, single precision",
 #endif
     .licence = "zlib",
-    .presets = kPresets,
+    .presets = bullet::kPresets,
     .limits = {.continuous = true},
     .make = make_adapter<Bullet>};
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "physics/bullet/solver/contact_rows.hpp"
+#include "physics/bullet/surface.hpp"
 
 #include <btBulletDynamicsCommon.h>
 
@@ -40,8 +41,9 @@ struct ContactPair {
   std::uint32_t a, b;        ///< indices of the movers
   std::uint32_t begin, end;  ///< of the solver's points
   Both inverse_mass;
-  btScalar friction;  ///< mu, as given
-  bool rubs;          ///< has friction rows
+  btScalar friction;          ///< mu, as given
+  bool rubs;                  ///< has friction rows
+  std::int32_t turning = -1;  ///< of TurningFriction; -1: none
 };
 /// The manifold has points. `first_point`: index of the pair's first point; `all_rub`: contacts without friction have
 /// friction rows too.
@@ -51,8 +53,13 @@ struct ContactPair {
   const auto a = static_cast<std::uint32_t>(mover_of(first)), b = static_cast<std::uint32_t>(mover_of(second));
   // The points of a part know its own material.
   const bool has_parts = first.getCollisionShape()->isCompound() || second.getCollisionShape()->isCompound();
-  const btScalar friction =
+  btScalar friction =
       has_parts ? manifold.getContactPoint(0).m_combinedFriction : first.getFriction() * second.getFriction();
+  if (const auto own = has_parts ? std::nullopt : own_material(first, second)) {
+    friction = static_cast<btScalar>(own->friction);
+    for (int i = 0; i < manifold.getNumContacts(); ++i)
+      manifold.getContactPoint(i).m_combinedRestitution = static_cast<btScalar>(own->restitution);
+  }
   return {.manifold = &manifold,
           .a = a,
           .b = b,

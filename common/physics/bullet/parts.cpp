@@ -4,7 +4,13 @@
 
 namespace subworld::bullet {
 
-Parts::Parts(btRigidBody& body, std::span<const BodyPart> parts, ShapeStore& shapes) : body_(body) {
+namespace {
+constexpr double kBeside = 1e-3;  ///< distance at which parts count as touching, relative to their size
+}  // namespace
+
+Parts::Parts(btRigidBody& body, std::span<const BodyPart> parts, std::span<const MaterialPair> pairs,
+             ShapeStore& shapes)
+    : body_(body) {
   for (const BodyPart& part : parts) {
     poses_.emplace_back(to_bullet(part.pose.orientation), to_bullet(part.pose.position));
     btRigidBody::btRigidBodyConstructionInfo info(0, nullptr, shapes.get(part.shape));
@@ -12,9 +18,20 @@ Parts::Parts(btRigidBody& body, std::span<const BodyPart> parts, ShapeStore& sha
     info.m_restitution = scalar(part.material.restitution);
     all_.push_back(std::make_unique<btRigidBody>(info));
     all_.back()->setUserPointer(&body);
+    if (pairs.empty()) continue;
+    set_surface(*all_.back(), surfaces_.emplace_back(std::make_unique<Surface>(Surface{part.material, pairs})).get());
   }
   body.setUserPointer(this);
   follow();
+  std::vector<Box> boxes;
+  for (const auto& part : all_)
+    boxes.push_back(box_of(*part).grown(kBeside * convex_of(*part->getCollisionShape()).outer_radius));
+  beside_.resize(all_.size());
+  for (std::uint32_t i = 0; i < boxes.size(); ++i) {
+    for (std::uint32_t k = 0; k < boxes.size(); ++k) {
+      if (i != k && boxes[i].meets(boxes[k])) beside_[i].push_back(k);
+    }
+  }
 }
 
 void Parts::follow() {

@@ -2,7 +2,9 @@
 
 #include "model/body.hpp"
 #include "physics/bullet/shapes.hpp"
+#include "physics/bullet/surface.hpp"
 
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
@@ -13,18 +15,23 @@ namespace subworld::bullet {
 /// a part, and its own material. What is found acts on the body.
 class Parts {
  public:
-  Parts(btRigidBody& body, std::span<const BodyPart> parts, ShapeStore& shapes);
+  /// `pairs` outlive it.
+  Parts(btRigidBody& body, std::span<const BodyPart> parts, std::span<const MaterialPair> pairs, ShapeStore& shapes);
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
   /// Moves the parts to where the body is, with its velocity.
   void follow();
   [[nodiscard]] std::span<const std::unique_ptr<btRigidBody>> all() const noexcept { return all_; }
+  /// Numbers of the other parts that may touch this one.
+  [[nodiscard]] std::span<const std::uint32_t> beside(std::size_t part) const noexcept { return beside_[part]; }
 
  private:
   btRigidBody& body_;
   std::vector<btTransform> poses_;  ///< in the body frame
   std::vector<std::unique_ptr<btRigidBody>> all_;
+  std::vector<std::unique_ptr<Surface>> surfaces_;  ///< where there are pairs
+  std::vector<std::vector<std::uint32_t>> beside_;
 };
 
 /// The parts of a body with a compound shape.

@@ -76,4 +76,19 @@ btCollisionShape* ShapeStore::get(const Shape& shape) {
   return found.get();
 }
 
+void set_velocity_of(btRigidBody& body, const Vec3& linear, const Vec3& angular) {
+  body.setLinearVelocity(to_bullet(linear));
+  body.setAngularVelocity(to_bullet(angular));
+  body.setInterpolationLinearVelocity(body.getLinearVelocity());
+  body.setInterpolationAngularVelocity(body.getAngularVelocity());
+}
+
+void set_pose(btRigidBody& body, const BodyState& state) {
+  const btTransform pose(to_bullet(state.orientation), to_bullet(state.position));
+  body.setWorldTransform(pose);
+  body.setInterpolationWorldTransform(pose);
+  set_velocity_of(body, state.linear_velocity, state.angular_velocity);
+  body.updateInertiaTensor();
+}
+
 }  // namespace subworld::bullet

@@ -44,4 +44,8 @@ class ShapeStore {
   std::map<Key, std::unique_ptr<btCollisionShape>> shapes_;
 };
 
+/// Moves a body, and sets its velocities, m/s and rad/s.
+void set_pose(btRigidBody& body, const BodyState& state);
+void set_velocity_of(btRigidBody& body, const Vec3& linear, const Vec3& angular);
+
 }  // namespace subworld::bullet

@@ -1,9 +1,9 @@
 #pragma once
 
-#include "physics/bullet/contacts/contact_points.hpp"
+#include "physics/bullet/contacts/contact_algorithm.hpp"
 #include "physics/bullet/contacts/flush_bodies.hpp"
 #include "physics/bullet/contacts/left_contacts.hpp"
-#include "physics/bullet/solver/contact_rows.hpp"
+#include "physics/bullet/solver/contact_batches.hpp"
 #include "physics/bullet/solver/group_solver.hpp"
 
 #include <btBulletDynamicsCommon.h>
@@ -34,77 +34,40 @@ namespace subworld::bullet {
 /// m_restitutionVelocityThreshold.
 class SmallStepSolver final : public GroupSolver {
  public:
-  SmallStepSolver();
+  explicit SmallStepSolver(bool long_vectors = ContactBatches::has_long_vectors());
 
   /// Number of small steps in a step.
   [[nodiscard]] static int step_count(int iterations) { return iterations < 4 ? 1 : iterations / 2; }
+  /// Passes over the contacts of a small step at most, as springs and as rigid.
+  void set_most_passes(int springs, int rigid) { most_spring_passes_ = springs, most_rigid_passes_ = rigid; }
 
  private:
-  /// Impulses of the rows are those of one small step.
-  struct Point {
-    Row normal;
-    Row sides[2];        ///< friction; both have equal steps
-    btScalar start;      ///< gap before the step, m
-    btScalar gap;        ///< present gap, m
-    btScalar noise;      ///< rounding of gaps, m
-    btScalar met;        ///< speed of approach at the first touch, m/s
-    btScalar by_force;   ///< change of the speed along the normal by forces in a small step, m/s; with restitution only
-    btScalar total;      ///< of all small steps so far, along the normal, N s
-    btScalar across[2];  ///< likewise of friction
-    bool held;           ///< some friction impulse is not 0
-    bool bounced;
-  };
-
-  struct Pair : ContactPair {
-    btScalar restitution = 0;
-  };
-
-  /// A contact as a damped spring, implicit in a small step. With w = 2 pi f, damping ratio z and length h:
-  ///   s = 2 z + h w,  bias rate w / s,  c = h w s,  mass scale c / (1 + c),  impulse scale 1 / (1 + c)
-  /// (Catto 2011, "Soft constraints"). The stiffness is the largest that the pair's effective mass permits.
-  struct Spring {
-    btScalar bias_rate;      ///< of the penetration, 1/s
-    btScalar mass_scale;     ///< factor of the impulse that would stop the motion
-    btScalar impulse_scale;  ///< share of the impulse so far that is removed
-  };
-  [[nodiscard]] static Spring spring_for(btScalar h);
-
-  enum class Contacts : std::uint8_t { springs, rigid };
-
   void solve_group(std::span<btCollisionObject* const> bodies, std::span<btPersistentManifold* const> manifolds,
                    const btContactSolverInfo& info) override;
   void prepare_motions();
-  void prepare_pair(btPersistentManifold& manifold);
-  void prepare_point(const btManifoldPoint& point, const Both3& arm, const BothInertia& inertia, bool rubs);
   /// Change of a velocity (m/s) below which no further iteration is needed.
   [[nodiscard]] btScalar enough() const;
 
   void add_forces();
-  void start_from_last(btScalar h);
-  void solve(Contacts as, int most, btScalar h, btScalar enough);
-  void solve_friction(const Pair& pair, BothMotion& motion);
-  /// Returns the largest change of a velocity, m/s.
-  template <Contacts kAs>
-  btScalar solve_normals(const Pair& pair, const Spring& spring, btScalar h, BothMotion& motion);
+  void solve(const ContactSpring& spring, int most, btScalar h, btScalar enough);
   void move(btScalar h);
   /// Applies restitution, reduced so that it gains no energy over the step of `count` small steps.
   void bounce_within_energy(int count, btScalar h, btScalar threshold, btScalar enough);
   void bounce(btScalar h, btScalar threshold, btScalar enough);
-  /// Calls `visit(pair, motion)`, which returns the largest change of a velocity, for every pair. Then calls it, at
-  /// most `most` times in all, for those whose bodies changed by more than `enough`.
-  template <class Visit>
-  void until_quiet(int most, btScalar enough, const Visit& visit);
+  /// Calls `contacts(busy)`, a pass over all contacts that marks the bodies that change in busy_next_ and returns
+  /// whether there are any. Then calls it, at most `most` times in all, for the bodies that changed by more than
+  /// `enough`.
+  template <class Pass>
+  void until_quiet(int most, btScalar enough, const Pass& contacts);
 
-  void write_impulses() const;
   void write_motions(const btContactSolverInfo& info);
 
-  std::vector<Motion> after_;          ///< velocities at which bounces are compared with before_
-  std::vector<Motion> plastic_;        ///< motions_ before bounces
-  std::vector<Point> plastic_points_;  ///< points_ before bounces
-  std::vector<Motion> motions_;        ///< velocities
-  std::vector<Motion> moved_;          ///< displacement since the step began, m and rad
-  std::vector<Pair> pairs_;
-  std::vector<Point> points_;
+  int most_spring_passes_ = 1, most_rigid_passes_ = 1;
+  ContactBatches contacts_;
+  std::vector<Motion> after_;                   ///< velocities at which bounces are compared with before_
+  std::vector<Motion> plastic_;                 ///< motions_ before bounces
+  std::vector<Motion> motions_;                 ///< velocities
+  std::vector<Motion> moved_;                   ///< displacement since the step began, m and rad
   std::vector<std::uint8_t> busy_, busy_next_;  ///< affected, by index of movers_
 };
 
@@ -113,22 +76,31 @@ class SmallStepSolver final : public GroupSolver {
 class SmallStepWorld final : public btDiscreteDynamicsWorld {
  public:
   using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
-  void leave_moving_to_solver() { solver_moves_ = true; }
+
+  /// `ahead`: contacts are found for this time at once, s; 0: for a step.
+  void leave_moving_to_solver(double ahead) {
+    solver_moves_ = true;
+    ahead_s_ = btScalar(ahead);
+  }
   [[nodiscard]] LeftContacts& left_contacts() { return left_contacts_; }
+  /// The next step searches for contacts again: a body has come or gone, or was moved.
+  void search_again() { searched_s_ = 0; }
+
+  void advance(btScalar dt);
 
  private:
-  void solveConstraints(btContactSolverInfo& info) override {
-    flush_bodies_.omit_seams(*getDispatcher());
-    left_contacts_.give_back(*getDispatcher());
-    btDiscreteDynamicsWorld::solveConstraints(info);
-  }
-  void integrateTransforms(btScalar dt) override {
-    if (!solver_moves_) btDiscreteDynamicsWorld::integrateTransforms(dt);
-  }
+  void solveConstraints(btContactSolverInfo& info) override;
+  /// Finds the contacts of bodies that may meet within `ahead`, s.
+  void search(btScalar ahead);
+  /// Moves the contacts that were found last with their bodies. Those of round bodies are found again.
+  void follow(btScalar dt);
 
   FlushBodies flush_bodies_;
   LeftContacts left_contacts_;
   bool solver_moves_ = false;
+  btScalar ahead_s_ = 0;
+  btScalar searched_s_ = 0;                     ///< rest of that time
+  std::vector<btBroadphasePair*> round_pairs_;  ///< valid until the next search
 };
 
 }  // namespace subworld::bullet

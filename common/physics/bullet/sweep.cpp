@@ -51,8 +51,14 @@ double FastPair::way(const btCollisionObject& a, const btCollisionObject& b, dou
   const double turn_b = other.getAngularVelocity().length2() * outer_b_ * outer_b_;
   // The sum of three roots is at most the root of three times the sum.
   if (3.0 * dt * dt * (straight + turn_a + turn_b) <= far_ * far_) return 0.0;
-  const double way = dt * (std::sqrt(straight) + std::sqrt(turn_a) + std::sqrt(turn_b));
+  const double way = motion(a, b, dt);
   return way > far_ ? way : 0.0;
+}
+
+double FastPair::motion(const btCollisionObject& a, const btCollisionObject& b, double dt) const {
+  const btRigidBody &one = static_cast<const btRigidBody&>(a), &other = static_cast<const btRigidBody&>(b);
+  return dt * ((one.getLinearVelocity() - other.getLinearVelocity()).length() +
+               one.getAngularVelocity().length() * outer_a_ + other.getAngularVelocity().length() * outer_b_);
 }
 
 std::optional<double> first_touch(const Placed& a, const Sweep& sweep_a, const Placed& b, const Sweep& sweep_b,

@@ -27,6 +27,8 @@ class FastPair {
 
   /// Upper bound of the relative motion of the bodies within dt, m; 0 if it is small.
   [[nodiscard]] double way(const btCollisionObject& a, const btCollisionObject& b, double dt) const;
+  /// The upper bound itself.
+  [[nodiscard]] double motion(const btCollisionObject& a, const btCollisionObject& b, double dt) const;
 
  private:
   double far_;                ///< m

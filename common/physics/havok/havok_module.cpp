@@ -111,10 +111,9 @@ Handle make_shape(Module& module, const Shape& shape, std::span<const Mesh> mesh
       break;
     case ShapeKind::convex:
     case ShapeKind::mesh:
+    case ShapeKind::compound:  // refused before
       result = make_from_mesh(module, shape, meshes, out);
       break;
-    case ShapeKind::compound:
-      refuse_compound("havok");
   }
   check(result, "making a shape");
   return scratch.get<Handle>(out);

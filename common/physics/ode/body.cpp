@@ -95,4 +95,8 @@ Vec3 velocity_at(const Slot& slot, const Vec3& point) {
   return s.linear_velocity + s.angular_velocity.cross(point - s.position);
 }
 
+Vec3 surface_velocity_at(const Slot& slot, const Vec3& point) {
+  return slot.surface_velocity + slot.surface_turn.cross(point - slot.kept.position);
+}
+
 }  // namespace subworld::ode

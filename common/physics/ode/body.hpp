@@ -37,5 +37,7 @@ void place(Slot& slot, const BodyState& state);
 void set_velocity(Slot& slot, const Vec3& linear, const Vec3& angular);
 /// Velocity of a point of the body, m/s; zero for a fixed body.
 [[nodiscard]] Vec3 velocity_at(const Slot& slot, const Vec3& point);
+/// Of the surface of a fixed body there, m/s.
+[[nodiscard]] Vec3 surface_velocity_at(const Slot& slot, const Vec3& point);
 
 }  // namespace subworld::ode

@@ -65,15 +65,18 @@ int collide(const Piece& a, const Piece& b, std::span<dContactGeom> found) {
   return static_cast<int>(end - found.begin());
 }
 
+Vec3 across(const Vec3& v, const Vec3& normal) { return v - v.dot(normal) * normal; }
+
 }  // namespace
 
 ContactPoints::ContactPoints(dWorldID world, dSpaceID space, const std::vector<Slot>& slots, const ShapeStore& shapes,
-                             double gravity)
+                             double gravity, std::span<const MaterialPair> pairs)
     : world_(world),
       space_(space),
       slots_(slots),
       shapes_(shapes),
       gravity_(gravity),
+      material_pairs_(pairs.begin(), pairs.end()),
       joints_(dJointGroupCreate(0)),
       found_(2 * kMostOfMesh) {}
 
@@ -86,6 +89,7 @@ void ContactPoints::find() {
   points_.clear();
   for (const auto& [number_a, number_b] : pairs_) {
     const auto [a, b] = std::pair(number_a.body, number_b.body);
+    if (slots_[a].group != 0 && slots_[a].group == slots_[b].group) continue;
     const Piece &piece_a = slots_[a].pieces[number_a.piece], &piece_b = slots_[b].pieces[number_b.piece];
     const ShapeKind kind_a = piece_a.part.shape.kind, kind_b = piece_b.part.shape.kind;
     const double skins = skin(kind_a) + skin(kind_b);
@@ -125,16 +129,25 @@ void ContactPoints::make_joints(double h) {
     std::copy_n(point.normal.data(), 3, contact.geom.normal);
     // One side of the friction pyramid is along fdir1, the direction of sliding, where friction is mu N.
     contact.surface.mode = dContactApprox1 | dContactMotionN | dContactFDir1 | dContactMu2;
-    contact.surface.mu = std::sqrt(ma.friction * mb.friction);
-    const Vec3 along = friction_direction(point, velocity, h);
+    const Material both = in_contact(ma, mb, material_pairs_);
+    contact.surface.mu = both.friction;
+    const Vec3 on_a = across(surface_velocity_at(slots_[point.a], point.point), point.normal);
+    const Vec3 on_b = across(surface_velocity_at(slots_[point.b], point.point), point.normal);
+    const Vec3 along = friction_direction(point, velocity + on_a - on_b, h);
     std::copy_n(along.data(), 3, contact.fdir1);
+    if (!on_a.isZero(0.0) || !on_b.isZero(0.0)) {
+      // The speed of the movable body, along both directions as ODE makes them of it.
+      const double sign = slots_[point.a].body ? 1.0 : -1.0;
+      contact.surface.mode |= dContactMotion1 | dContactMotion2;
+      contact.surface.motion1 = (on_a + on_b).dot(along);
+      contact.surface.motion2 = (on_a + on_b).dot(sign * point.normal.cross(along));
+    }
     // Coulomb friction has no component across the sliding; the pyramid's would prevent the body from turning sideways.
-    const double sliding = (velocity + approach * point.normal).norm();
+    const double sliding = across(velocity + on_a - on_b, point.normal).norm();
     contact.surface.mu2 = contact.surface.mu * std::min(1.0, slow / sliding);
     // The least separation speed after the step: that of the rebound, or the one that closes a gap within the skin.
-    const double restitution = ma.restitution * mb.restitution;
-    if (restitution > 0.0 && approach > quiet) {
-      contact.surface.motionN = restitution * approach;
+    if (both.restitution > 0.0 && approach > quiet) {
+      contact.surface.motionN = both.restitution * approach;
     } else {
       contact.surface.motionN = -std::max(0.0, point.distance) / h;
     }
@@ -151,15 +164,14 @@ Vec3 ContactPoints::relative_velocity(const ContactPoint& at) const {
 
 /// Unit, across the normal: along the sliding velocity; without sliding, along the load.
 Vec3 ContactPoints::friction_direction(const ContactPoint& at, const Vec3& velocity, double h) const {
-  const auto across = [&](const Vec3& v) { return Vec3(v - v.dot(at.normal) * at.normal); };
-  const Vec3 sliding = across(velocity);
+  const Vec3 sliding = across(velocity, at.normal);
   if (sliding.norm() > kSliding) return sliding.normalized();
-  const Vec3 load = across(frictions_.recall(at.a, at.b, at.point));
+  const Vec3 load = across(frictions_.recall(at.a, at.b, at.point), at.normal);
   if (load.norm() > 0.0) return load.normalized();
   const auto pull = [](const Slot& slot) {
     return slot.body ? Vec3((slot.weight + slot.force) / slot.mass) : Vec3::Zero();
   };
-  const Vec3 coming = across(h * (pull(slots_[at.a]) - pull(slots_[at.b])));
+  const Vec3 coming = across(h * (pull(slots_[at.a]) - pull(slots_[at.b])), at.normal);
   if (coming.norm() > 1e-12) return coming.normalized();
   return at.normal.unitOrthogonal();
 }

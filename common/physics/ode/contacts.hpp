@@ -39,7 +39,7 @@ class ContactPoints {
  public:
   /// `gravity`: m/s^2, for the threshold of speeds that a step removes.
   ContactPoints(dWorldID world, dSpaceID space, const std::vector<Slot>& slots, const ShapeStore& shapes,
-                double gravity);
+                double gravity, std::span<const MaterialPair> pairs);
   ~ContactPoints() { dJointGroupDestroy(joints_); }
   ContactPoints(const ContactPoints&) = delete;
   ContactPoints& operator=(const ContactPoints&) = delete;
@@ -47,6 +47,7 @@ class ContactPoints {
   /// Finds the contacts, ordered by bodies, independent of the order in ODE's space.
   void find();
   [[nodiscard]] std::span<const ContactPoint> found() const noexcept { return points_; }
+  [[nodiscard]] std::span<const MaterialPair> material_pairs() const noexcept { return material_pairs_; }
   void make_joints(double h);
   void remove_joints() { dJointGroupEmpty(joints_); }
   /// Collects the impulses of the joints in a sub-step of h (s).
@@ -65,6 +66,7 @@ class ContactPoints {
   const std::vector<Slot>& slots_;
   const ShapeStore& shapes_;
   double gravity_;
+  std::vector<MaterialPair> material_pairs_;
   dJointGroupID joints_;
   std::vector<std::pair<Number, Number>> pairs_;
   std::vector<dContactGeom> found_;  ///< of one pair, in ODE's format

@@ -77,7 +77,7 @@ class Ode final : public Adapter<Slot> {
         shapes_(meshes),
         world_((enter_thread(), dWorldCreate())),
         space_(dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ)),
-        points_(world_, space_, slots_, shapes_, settings.gravity.norm()) {
+        points_(world_, space_, slots_, shapes_, settings.gravity.norm(), settings.pairs) {
     dSpaceSetCleanup(space_, 0);
     dWorldSetQuickStepNumIterations(world_, settings.iterations.value_or(preset_.iterations));
     dWorldSetAutoDisableFlag(world_, 0);
@@ -133,6 +133,7 @@ class Ode final : public Adapter<Slot> {
  private:
   void create(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) override {
     enter_thread();
+    refuse_turning_friction(name(), body, points_.material_pairs());
     if (!body.fixed() && ode::skin(body.shape.kind) == 0.0) {
       throw Error(ExitCode::usage, fmt::format("body {}: a plane or mesh cannot move; give it mass 0", slot.id));
     }

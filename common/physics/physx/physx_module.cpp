@@ -198,8 +198,8 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
     case ShapeKind::convex:
     case ShapeKind::mesh:
       return make_mesh_geometry(shape, meshes);
-    case ShapeKind::compound:
-      refuse_compound("physx");
+    case ShapeKind::compound:  // refused before
+      break;
   }
   throw Error(ExitCode::usage, "physx does not know this kind of shape");
 }

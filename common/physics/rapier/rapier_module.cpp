@@ -100,9 +100,8 @@ Address Module::make_geometry(const Shape& shape, std::span<const Mesh> meshes) 
       return w2c_rapier_rawshape_halfspace(m, first(Vec3::UnitZ()));
     case ShapeKind::convex:
     case ShapeKind::mesh:
+    case ShapeKind::compound:  // refused before
       break;
-    case ShapeKind::compound:
-      refuse_compound("rapier");
   }
   const Mesh& mesh = mesh_of(shape, meshes);
   const Address vertices = copy<Float3>(to_module(mesh.vertices));  // the module frees its arguments

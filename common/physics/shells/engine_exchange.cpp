@@ -37,7 +37,8 @@ std::optional<EngineOrder> order_for_sub_worlds(const Control& control) {
   return order && order->target == EngineOrder::Target::haptic ? order : std::nullopt;
 }
 
-EngineExchange::EngineExchange(Preparation preparation, std::vector<Mesh> meshes) : meshes_(std::move(meshes)) {
+EngineExchange::EngineExchange(Preparation preparation, std::vector<Mesh> meshes, std::vector<Joint> joints)
+    : meshes_(std::move(meshes)), joints_(std::move(joints)) {
   if (preparation == Preparation::in_background) thread_ = std::thread([this] { work(); });
 }
 
@@ -89,7 +90,7 @@ void EngineExchange::prepare(Job& job) {
   std::optional<PreparedEngine> ready;
   std::string failure;
   try {
-    ready = prepare_engine(job.settings, meshes_, std::move(job.content), job.step_s);
+    ready = prepare_engine(job.settings, meshes_, std::move(job.content), job.step_s, joints_);
   } catch (const std::exception& e) {
     failure = e.what();
   }

@@ -37,7 +37,7 @@ class EngineExchange {
     in_background,  ///< real time
   };
   /// A new thread inherits the scheduling of its creator: construct before the loop requests real-time scheduling.
-  EngineExchange(Preparation preparation, std::vector<Mesh> meshes);
+  EngineExchange(Preparation preparation, std::vector<Mesh> meshes, std::vector<Joint> joints = {});
   ~EngineExchange();
   EngineExchange(const EngineExchange&) = delete;
   EngineExchange& operator=(const EngineExchange&) = delete;
@@ -66,6 +66,7 @@ class EngineExchange {
   void work();
 
   std::vector<Mesh> meshes_;
+  std::vector<Joint> joints_;
   bool busy_ = false;  ///< of the loop only, like the next member
   std::uint32_t order_ = 0;
 

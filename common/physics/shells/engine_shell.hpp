@@ -10,6 +10,9 @@ class EngineShell : public Engine {
  public:
   std::string_view name() const noexcept override { return inner().name(); }
   Capabilities capabilities() const noexcept override { return inner().capabilities(); }
+  void set_joints(std::span<const Joint> joints) override { inner().set_joints(joints); }
+  void break_joint(std::size_t joint) override { inner().break_joint(joint); }
+  std::span<const JointLoad> joint_loads() const noexcept override { return inner().joint_loads(); }
   using Engine::add;
   void add(const Body& body, const BodyState& state, Role role) override { inner().add(body, state, role); }
   void remove(BodyId id) override { inner().remove(id); }

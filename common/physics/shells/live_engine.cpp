@@ -31,8 +31,9 @@ void warm_up(PreparedEngine& prepared, double dt) {
 }  // namespace
 
 PreparedEngine prepare_engine(const EngineSettings& settings, std::span<const Mesh> meshes,
-                              std::vector<HeldBody> content, double warm_up_s) {
+                              std::vector<HeldBody> content, double warm_up_s, std::span<const Joint> joints) {
   PreparedEngine prepared{make_engine(settings, meshes), std::move(content)};
+  prepared.engine->set_joints(joints);
   for (const HeldBody& held : prepared.holds) put(*prepared.engine, held);
   if (warm_up_s > 0.0) warm_up(prepared, warm_up_s);
   return prepared;
@@ -42,6 +43,11 @@ void LiveEngine::add(const Body& body, const BodyState& state, Role role) {
   engine_->add(body, state, role);
   if (index(body.id) >= held_.size()) held_.resize(index(body.id) + 1);
   held_[index(body.id)] = {nameless(body), role, body.mass, body.inertia, {}, {}, 0, ++added_};
+}
+
+void LiveEngine::break_joint(std::size_t joint) {
+  engine_->break_joint(joint);
+  broken_.push_back(joint);
 }
 
 void LiveEngine::remove(BodyId id) {
@@ -78,6 +84,7 @@ std::vector<HeldBody> LiveEngine::content() const {
 
 std::unique_ptr<Engine> LiveEngine::exchange(PreparedEngine prepared) {
   Engine& next = *prepared.engine;
+  for (const std::size_t joint : broken_) next.break_joint(joint);
   const auto still_here = [&](const HeldBody& then) {
     const std::size_t id = index(then.body.id);
     return id < held_.size() && held_[id] && held_[id]->added == then.added;

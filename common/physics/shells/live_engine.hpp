@@ -30,13 +30,15 @@ struct PreparedEngine {
 /// Makes an engine and fills it. `warm_up_s` > 0: makes some steps of that length under the last loads, so that pairs,
 /// memory and the solver's first guess exist before the first step that counts.
 [[nodiscard]] PreparedEngine prepare_engine(const EngineSettings& settings, std::span<const Mesh> meshes,
-                                            std::vector<HeldBody> content, double warm_up_s);
+                                            std::vector<HeldBody> content, double warm_up_s,
+                                            std::span<const Joint> joints = {});
 
 /// An engine that can be replaced by another one between two steps.
 class LiveEngine final : public EngineShell {
  public:
   explicit LiveEngine(std::unique_ptr<Engine> engine) : engine_(std::move(engine)) {}
 
+  void break_joint(std::size_t joint) override;
   /// Every body in its present state, by id.
   [[nodiscard]] std::vector<HeldBody> content() const;
 
@@ -58,6 +60,7 @@ class LiveEngine final : public EngineShell {
  private:
   Engine& inner() const noexcept override { return *engine_; }
   std::unique_ptr<Engine> engine_;
+  std::vector<std::size_t> broken_;            ///< joints
   std::vector<std::optional<HeldBody>> held_;  ///< by id; the states are in the engine
   std::uint64_t added_ = 0;
   std::uint64_t steps_ = 1;

@@ -44,7 +44,9 @@ RestingEngine::RestingEngine(Engine& inner, const Scene& scene, std::span<const 
 
 void RestingEngine::add(const Body& body, const BodyState& state, Role role) {
   Thing& thing = things_[index(body.id)];
-  const bool sleeps = rests_ && body.at_rest && !thing.restless;
+  // A joint to a body that is asleep would not act.
+  const auto joins = [&](const Joint& joint) { return joint.joins(body.id); };
+  const bool sleeps = rests_ && body.at_rest && !thing.restless && std::ranges::none_of(scene_.joints, joins);
   if (!sleeps) inner_.add(body, state, role);
   if (body.fixed()) return;
   thing.anchor = state;
@@ -109,7 +111,7 @@ bool RestingEngine::negligible(BodyId id, const BodyState& to) const {
 
 void RestingEngine::asleep_in(const Box& box, std::vector<BodyId>& out) const {
   out.clear();
-  if (!rests_) return;
+  if (asleep_count_ == 0) return;
   still_.find(box, [&](std::uint32_t item) {
     if (things_[item].asleep) out.push_back(BodyId{item});
   });

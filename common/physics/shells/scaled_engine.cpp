@@ -2,6 +2,17 @@
 
 namespace subworld {
 
+namespace {
+
+Shape scaled(Shape shape, double unit_m) {
+  shape.half_extents /= unit_m;
+  shape.radius /= unit_m;
+  shape.half_length /= unit_m;
+  return shape;
+}
+
+}  // namespace
+
 EngineSettings scaled(EngineSettings settings, double unit_m) {
   settings.gravity /= unit_m;
   return settings;
@@ -11,8 +22,31 @@ std::vector<Mesh> scaled(std::span<const Mesh> meshes, double unit_m) {
   std::vector<Mesh> result(meshes.begin(), meshes.end());
   for (Mesh& mesh : result) {
     for (Vec3& vertex : mesh.vertices) vertex /= unit_m;
+    for (BodyPart& part : mesh.parts) {
+      part.shape = scaled(part.shape, unit_m);
+      part.pose.position /= unit_m;
+    }
   }
   return result;
+}
+
+void ScaledEngine::set_joints(std::span<const Joint> joints) {
+  std::vector<Joint> large(joints.begin(), joints.end());
+  const double length = unit_m_, angle = unit_m_ * unit_m_;
+  for (Joint& joint : large) {
+    joint.in_a.position /= length;
+    joint.in_b.position /= length;
+    for (std::size_t i = 0; i < joint.axes.size(); ++i) {
+      JointAxis& axis = joint.axes[i];
+      if (i < 3) {
+        for (double* value : {&axis.lower, &axis.upper, &axis.rest, &axis.speed, &axis.friction, &axis.most})
+          *value /= length;
+      } else {
+        for (double* value : {&axis.stiffness, &axis.damping, &axis.friction, &axis.most}) *value /= angle;
+      }
+    }
+  }
+  inner_->set_joints(large);
 }
 
 BodyState ScaledEngine::shown(const BodyState& state) const {
@@ -21,9 +55,10 @@ BodyState ScaledEngine::shown(const BodyState& state) const {
 
 void ScaledEngine::add(const Body& body, const BodyState& state, Role role) {
   Body large = body;
-  large.shape.half_extents /= unit_m_;
-  large.shape.radius /= unit_m_;
-  large.shape.half_length /= unit_m_;
+  large.shape = scaled(body.shape, unit_m_);
+  large.surface_velocity /= unit_m_;
+  large.material.rolling_friction /= unit_m_;
+  large.material.spinning_friction /= unit_m_;
   large.inertia /= unit_m_ * unit_m_;
   inner_->add(large, shown(state), role);
   contacts_.clear();
@@ -60,6 +95,13 @@ bool ScaledEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque)
 void ScaledEngine::step(double dt) {
   inner_->step(dt);
   take(inner_->contacts());
+  const std::span<const JointLoad> loads = inner_->joint_loads();
+  loads_.assign(loads.begin(), loads.end());
+  for (JointLoad& load : loads_) {
+    load.impulse *= unit_m_;
+    load.turn *= unit_m_ * unit_m_;
+    load.motor_j *= unit_m_ * unit_m_;
+  }
 }
 
 std::span<const Contact> ScaledEngine::contacts_with_friction() {

@@ -16,6 +16,8 @@ class ScaledEngine final : public EngineShell {
   /// `inner` was made with scaled() settings and meshes.
   ScaledEngine(std::unique_ptr<Engine> inner, double unit_m) : inner_(std::move(inner)), unit_m_(unit_m) {}
 
+  void set_joints(std::span<const Joint> joints) override;
+  std::span<const JointLoad> joint_loads() const noexcept override { return loads_; }
   using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
@@ -40,6 +42,7 @@ class ScaledEngine final : public EngineShell {
   std::unique_ptr<Engine> inner_;
   double unit_m_;
   std::vector<Contact> contacts_;
+  std::vector<JointLoad> loads_;
 };
 
 /// Converts to units of `unit_m` instead of metres. `length_unit_m` is not changed; engines need it for their own

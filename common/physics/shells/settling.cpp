@@ -71,8 +71,8 @@ void Settling::begin_contacts(std::span<const BodyId> awake) {
 
 void Settling::touches(const Contact& contact) {
   if (contact.normal_impulse > 0.0) things_[index(contact.a)].touches = things_[index(contact.b)].touches = true;
-  const double friction = scene_.body(contact.a).material.friction * scene_.body(contact.b).material.friction;
-  if (friction >= kLeastFriction * kLeastFriction) return;
+  const Body &a = scene_.body(contact.a), &b = scene_.body(contact.b);
+  if (in_contact(a.material, b.material, scene_.settings.world.pairs).friction >= kLeastFriction) return;
   for (const BodyId id : {contact.a, contact.b}) things_[index(id)].slips = true;
 }
 

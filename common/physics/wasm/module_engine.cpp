@@ -28,6 +28,11 @@ BodyState accelerated(const Slot& slot, BodyState state, const Vec3& impulse, co
 }  // namespace
 
 void ModuleEngine::create(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) {
+  if (body.shape.kind == ShapeKind::compound)
+    refuse_body(name(), body, "has several parts; use bullet, bullet_float or ode");
+  if (body.group != 0) refuse_body(name(), body, "has a collision_group; use bullet, bullet_float or ode");
+  if (body.is_driven()) refuse_body(name(), body, "has a surface that moves; use bullet, bullet_float or ode");
+  refuse_turning_friction(name(), body, {});
   make(slot, body, state, collides);
   if (slot.fixed) return;
   const Box size = bounds_of(slot);

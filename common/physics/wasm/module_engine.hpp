@@ -50,7 +50,9 @@ class ModuleEngine : public Adapter<Slot> {
   ModuleEngine(const EnginePlugin& plugin, const EngineSettings& settings, std::span<const Mesh> meshes)
       : Adapter(plugin, settings),
         meshes_(meshes.begin(), meshes.end()),
-        keeps_frictionless_(disables(settings.disabled, Optimisation::friction)) {}
+        keeps_frictionless_(disables(settings.disabled, Optimisation::friction)) {
+    if (!settings.pairs.empty()) refuse_pairs(plugin.name);
+  }
 
   [[nodiscard]] virtual wasm_rt_memory_t& memory() const = 0;
   /// Makes the body in the module, in the pose of `state`, and sets the slot's handles.

@@ -1,8 +1,7 @@
 #pragma once
 
 #include "model/messages/exchange.hpp"
-
-#include <Eigen/Cholesky>
+#include "model/vectors.hpp"
 
 #include <cstdint>
 #include <type_traits>
@@ -95,7 +94,7 @@ bool fields(auto& archive, Is<Eigen::Matrix3d> auto& m) {
     m(1, 0) = m(0, 1);
     m(2, 1) = m(1, 2);
     m(0, 2) = m(2, 0);
-    return archive.check(m.llt().info() == Eigen::Success);
+    return archive.check(is_positive_definite(m));
   }
   return true;
 }

@@ -7,7 +7,7 @@ import { length, Model, PROGRAMS, SHAPES } from "./model";
 import { Plots } from "./plots";
 import { Programs } from "./programs";
 import { Replay } from "./replay";
-import { followTheme, userColour } from "./theme";
+import { followTheme, JOINT, userColour } from "./theme";
 import { ToolBar } from "./tool_bar";
 import { Touch } from "./touch/touch";
 import { View } from "./view";
@@ -49,6 +49,11 @@ const connection = new Connection(`${location.protocol === "https:" ? "wss" : "w
       view.build();
       describe();
       toolBar.show();
+    } else if (topic === "/joints") {
+      view.joints.build(value.marks);
+      element("jointLayer").hidden = value.marks.length === 0;
+      element("jointSwatch").style.background = JOINT;
+      view.touch();
     } else if (topic === "/world_view") {
       model.show(value, now);
       view.update();
@@ -97,7 +102,7 @@ touch.changed = () => {
 
 /** What is shown is subscribed to, and nothing else. */
 function subscribe(): void {
-  const wanted = ["/scene", "/status", "/program_place", "/control_reply", "/verdict"];
+  const wanted = ["/scene", "/joints", "/status", "/program_place", "/control_reply", "/verdict"];
   if (!document.hidden) {
     wanted.push(...touch.topics());
     wanted.push("/world_view");
@@ -260,6 +265,10 @@ for (const [id, key] of [["forces", "showForces"], ["impulses", "showImpulses"],
     view.touch();
     subscribe();
   };
+element<HTMLInputElement>("joints").onchange = (event) => {
+  view.joints.root.visible = (event.target as HTMLInputElement).checked;
+  view.touch();
+};
 for (const details of document.querySelectorAll("details[data-plot]")) details.addEventListener("toggle", subscribe);
 document.addEventListener("visibilitychange", subscribe);
 
@@ -298,7 +307,7 @@ Object.assign(window, {
   subworld: () => ({
     link, time_s: model.time_s, paused: model.paused, frames: view.frames, framesPerSecond: view.framesPerSecond,
     bytes: connection.bytes, bodies: model.bodies.length, users: model.users.length, answers: controls.answers,
-    placed: view.bodies.placed, tier: view.pace.number, points: plots.force.points, devices: model.devices.size, programs: model.programs.size,
+    placed: view.bodies.placed, tier: view.pace.number, joints: view.joints.shown, points: plots.force.points, devices: model.devices.size, programs: model.programs.size,
     tool: { offered: touch.tools.length, user: touch.user, holds: touch.holds, sent: touch.sent, offset: touch.offset.toArray(), orientation: touch.orientation.toArray(), force: touch.force },
   }),
 });

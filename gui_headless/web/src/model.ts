@@ -17,6 +17,10 @@ export type BorderContact = {
 export type UserView = {
   user: number; proxy: number; members: number[]; border: BorderContact[]; wrench: { force: Vector; torque: Vector };
 };
+/** A solid for a joint or a part of it: on the body `at`, turned with the body `along`. */
+export type JointMark = {
+  joint: number; form: number; at: number; along: number; point: Vector; turn: Turn; shift: number; radius: number; half_length: number;
+};
 export type Program = {
   status: Value; at: number; missed: number; missedPerSecond: number; absences: number; absent_ms: number;
 };
@@ -41,6 +45,7 @@ export class Model {
   meshes: Mesh[] = [];
   states = new States(0);
   users: UserView[] = [];
+  brokenJoints: number[] = [];
   devices = new Map<number, { device?: Pose; proxy?: Pose }>(); // both in the frame of the device
   forces = new Map<number, Vector>(); // on the operators, as far as they are received
   programs = new Map<string, Program>();
@@ -65,6 +70,7 @@ export class Model {
     this.time_s = snapshot.stamp_s;
     this.realTimeFactor = snapshot.real_time_factor;
     this.users = snapshot.users;
+    this.brokenJoints = snapshot.broken_joints;
     this.states.take(snapshot.placed, now_ms);
     ++this.snapshots;
   }

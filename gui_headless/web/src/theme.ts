@@ -18,6 +18,7 @@ export const THEMES: Record<"light" | "dark", Theme> = {
 };
 
 const USERS = ["#2f6fde", "#e0701b", "#17997b", "#a04fc4", "#d63f6c", "#7a8f1c", "#0f93b8", "#9b6a3c"];
+export const JOINT = "#e815b5";
 export const DEVICE_TINT = 0.45;
 
 export function userColour(user: number): string {

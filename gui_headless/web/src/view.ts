@@ -4,6 +4,7 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { Arrows } from "./arrows";
 import { Bodies, radiusOf } from "./bodies";
 import { Ground } from "./ground";
+import { Joints } from "./joints";
 import type { Model } from "./model";
 import { Pace, pictureOn, SOFTWARE_TIER } from "./pace";
 import { theme } from "./theme";
@@ -13,6 +14,7 @@ export type Camera = { name: string; user: number };
 export class View {
   readonly bodies = new Bodies();
   readonly arrows = new Arrows();
+  readonly joints = new Joints();
   readonly cameras: Camera[] = [];
   chosen = 0;
   frames = 0;
@@ -53,7 +55,7 @@ export class View {
     this.sky.position.set(0, 0, 1);
     this.sun.shadow.radius = 3;
     this.sun.shadow.normalBias = 0.02;
-    this.scene.add(this.sky, this.sun, this.sun.target, this.ground.mesh, this.bodies.root, this.arrows.root);
+    this.scene.add(this.sky, this.sun, this.sun.target, this.ground.mesh, this.bodies.root, this.joints.root, this.arrows.root);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.maxPolarAngle = 0.495 * Math.PI;
     this.controls.addEventListener("change", () => this.touch());
@@ -287,6 +289,7 @@ export class View {
     this.dirty = false;
     this.bodies.place(this.model, now, this.camera.position);
     this.follow();
+    this.joints.place(this.bodies, this.model.brokenJoints);
     this.arrows.place(this.model, this.bodies, this.bodyRadius, this.camera);
     this.shadow.stale ||= this.bodies.placed > 0;
     if (this.shadow.stale && ++this.shadow.age >= this.pace.tier.every) {

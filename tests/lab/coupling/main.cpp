@@ -62,14 +62,14 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "  subworld lab coupling row --ratio 1,4,10,20 --out out/row\n"
       "  subworld lab coupling row heavy_outside --scheme reduced --set users.box_half_m=0.15,0.2,0.3 --substeps 1,4\n"
       "  subworld lab coupling raft pyramid --variants 10 --ratio 4,10\n"
-      "  subworld lab coupling deploy/scenes/row.yaml --latency 0,0.02,0.1 --set delay.jitter_s=0,0.01\n"
+      "  subworld lab coupling row --latency 0,0.02,0.1 --set delay.jitter_s=0,0.01\n"
       "  subworld lab coupling lift --ratio 4 --latency 0.05 --set delay.loss_ratio=0,0.05 --passivity on,off\n"
       "DIR/report.html shows the results, DIR/results.csv and results.json hold them, DIR/users.csv those\n"
       "of each user, DIR/traces the felt forces.\n"
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
   const std::string scenes = "the scene's";
-  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes").otherwise(joined(kScenes, " "));
+  line.add("scene", &sweep.scenes, "scene files, or names of scenes of Subworld").otherwise(joined(kScenes, " "));
   line.add("--scheme", &sweep.schemes,
            "coupling schemes; in paper_literal the device's force acts in the sub-world alone")
       .one_of({"direct", "paper", "paper_literal", "reduced"});

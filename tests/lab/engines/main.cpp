@@ -68,7 +68,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "run, DIR/bodies.csv the step times of figure 12. Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.",
       folded(kHeldInWords), joined(in_display_order(engine_names()), ",")));
-  line.add("scene", &sweep.scenes, "scene files, or names in deploy/scenes").otherwise(joined(kScenes, " "));
+  line.add("scene", &sweep.scenes, "scene files, or names of scenes of Subworld").otherwise(joined(kScenes, " "));
   line.add("--engine", &sweep.engines, "engines").otherwise("all that are installed");
   line.add("--preset", &sweep.presets, "presets of the engines")
       .otherwise("all for a structure, the first for a scene that falls");

@@ -71,7 +71,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
       "Ctrl-C writes what has been measured so far.\n"
       "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
   const std::string scenes = "the scene's";
-  line.add("scene", &request.scenes, "scene files, or names in deploy/scenes").otherwise(joined(kScenes, " "));
+  line.add("scene", &request.scenes, "scene files, or names of scenes of Subworld").otherwise(joined(kScenes, " "));
   line.flag("--device-latency", request.device,
             "also search the largest delay between device and sub-world; there the stability of the coupling in a wall "
             "is a bound too");

@@ -48,8 +48,9 @@ void add_axes(CommandLine& line, NetworkAxes& axes) {
 
 void add_scene(CommandLine& line, FeltSettings& felt) {
   line.add("--scene", &felt.scene,
-           "also measure what users feel: the real programs run this scene, a file or a name in deploy/scenes, in real "
-           "time over each link with each vendor pair")
+           "also measure what users feel: the real programs run this scene, a file or the name of a scene of Subworld, "
+           "in "
+           "real time over each link with each vendor pair")
       .otherwise("none");
   line.add("--scene-duration", &felt.duration_s, "simulated time of the scene")
       .range(0.3, 1e4, "s")

@@ -4,6 +4,7 @@
 #include "lab/over_link/run_program.hpp"
 #include "link/network.hpp"
 #include "model/error.hpp"
+#include "model/places.hpp"
 #include "rt/stop.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -160,7 +161,7 @@ std::optional<LinkedRun> run_over_link(const Point& point, const OverLink& over)
   const TemporaryFolder folder;
   const std::string session = folder.write("over_link.yaml", session_text(point, scene, over));
   const std::string out = folder.path() + "/out";
-  const std::string launcher = std::filesystem::read_symlink("/proc/self/exe").parent_path().string() + "/subworld";
+  const std::string launcher = (program_folder() / "subworld").string();
   const Finished ended = run_program({launcher, "up", session, "--namespaces", "--out", out}, nullptr);
   if (stop_signal() != 0) return std::nullopt;
   if (ended.code != 0)

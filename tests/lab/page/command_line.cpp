@@ -5,6 +5,7 @@
 #include "io/results/output.hpp"
 #include "io/results/replacing.hpp"
 #include "model/error.hpp"
+#include "model/places.hpp"
 #include "report/page.hpp"
 #include "rt/stop.hpp"
 
@@ -18,9 +19,10 @@
 namespace subworld {
 
 std::vector<std::string> scene_files(const std::vector<std::string>& names) {
-  if (scenes_folder().empty()) {
+  if (data_folder("scenes").empty()) {
     throw Error(ExitCode::usage,
-                "the folder deploy/scenes is not above this program; name the scene files on the command line");
+                "no folder of scenes is above this program (share/subworld/scenes or deploy/scenes); name the scene "
+                "files on the command line");
   }
   std::vector<std::string> files;
   for (const std::string& name : names) files.push_back(scene_file(name));

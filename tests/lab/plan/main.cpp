@@ -9,6 +9,7 @@
 #include "lab/session/setting.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
+#include "model/places.hpp"
 #include "rt/stop.hpp"
 
 #include <fmt/core.h>
@@ -38,7 +39,7 @@ struct Request {
 /// All scenes of deploy/scenes.
 std::vector<std::string> shipped_scenes() {
   std::vector<std::string> files;
-  for (const auto& entry : std::filesystem::directory_iterator(scenes_folder())) {
+  for (const auto& entry : std::filesystem::directory_iterator(data_folder("scenes"))) {
     if (entry.path().extension() == ".yaml") files.push_back(entry.path().string());
   }
   std::ranges::sort(files);
@@ -61,7 +62,7 @@ std::optional<int> parse(int argc, char** argv, Request& request) {
               "DIR/report.html shows the results, DIR/results.csv and results.json hold them.\n"
               "Ctrl-C writes what has been measured so far.\n"
               "Exit codes: 0 done (also SIGINT, SIGTERM), 1 failed while running, 2 usage or scene.");
-  line.add("scene", &request.scenes, "scene files, or names in deploy/scenes").otherwise("all of them");
+  line.add("scene", &request.scenes, "scene files, or names of scenes of Subworld").otherwise("all of them");
   line.add("--item", &request.items, "optimisations, or all for all together").otherwise("each, and all");
   const Option repeat =
       line.add("--repeat", &request.repeats, "runs of each kind, of which the least CPU time counts").range(1, 1000);

@@ -25,8 +25,8 @@ const std::vector<std::string> kEngineColumns{"scene",
                                               "kinetic_energy_max_j"};
 
 TEST_F(EngineLab, ASweepLeavesTablesHistoriesAndOnePage) {
-  const Ended ended = finish(lab_words({"row", "--quick", "--engine", "bullet", "--friction", "0.5,0", "--dt",
-                                        "1/60,0.01", "--states", "--out", out()}));
+  const Ended ended = finish(lab_words({"row", "--quick", "--engine", "bullet", "--preset", "fast,quality",
+                                        "--friction", "0.5,0", "--dt", "1/60,0.01", "--states", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
   EXPECT_NE(ended.out.find("[  8/8] row"), std::string::npos) << ended.out;
   EXPECT_NE(ended.out.find("For stiff structures: bullet"), std::string::npos) << ended.out;

@@ -28,9 +28,9 @@ const std::vector<std::string> kStabilityColumns{"case",
 // Cases that bullet passes at 1 ms with a wide margin, one for each kind: a value, a limit with a formula, a required
 // limit.
 TEST_F(StabilityLab, BulletHoldsTheFormulasAtOneMillisecond) {
-  const Ended ended =
-      finish(lab_words({"slide_stop", "slip_angle", "throw_place_ball", "bounce", "rest_depth", "smallest_cube",
-                        "--quick", "--engine", "bullet", "--dt", "1/1000", "--out", out()}));
+  const Ended ended = finish(
+      lab_words({"slide_stop", "slip_angle", "throw_place_ball", "bounce", "rest_depth", "smallest_cube", "--quick",
+                 "--engine", "bullet", "--preset", "fast,quality", "--dt", "1/1000", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
   EXPECT_NE(ended.out.find("[  12/12]"), std::string::npos) << ended.out;
   EXPECT_NE(ended.out.find("bullet fast: 6 of 6 rows pass."), std::string::npos) << ended.out;

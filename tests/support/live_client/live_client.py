@@ -15,7 +15,7 @@ import websockets
 
 from viewer import LIMIT_S, PROTOCOLS, Viewer
 
-RARE = ("/scene", "/program_place", "/tools")  # sent where they change
+RARE = ("/scene", "/joints", "/program_place", "/tools")  # sent where they change
 
 
 def enough(topic, samples):
@@ -32,7 +32,7 @@ async def read_all(address, protocol):
     viewer = await Viewer.open(address, [protocol])
     assert viewer.socket.subprotocol == protocol
     wanted = [topic for topic in viewer.channels if not topic.startswith(("/control", "/verdict"))]
-    assert len(wanted) == 11, wanted
+    assert len(wanted) == 12, wanted
     await viewer.subscribe(*wanted)
     seen = {topic: [] for topic in wanted}
     end = time.monotonic() + LIMIT_S
@@ -60,9 +60,11 @@ async def read_all(address, protocol):
         assert short["users"] == state["users"] and not short["moved"]
     update = seen["/scene_update"][-1][1]
     entities = {entity["id"]: entity for entity in update["entities"]}
-    assert set(entities) == {"fixed", "bodies", "forces"}, set(entities)
+    assert set(entities) == {"fixed", "bodies", "forces", "joints"}, set(entities)
     shown = sum(len(entities[id_][kind]) for id_ in ("fixed", "bodies") for kind in ("cubes", "spheres", "cylinders"))
     assert shown == len(scene["bodies"]) == len(scene["states"]), (shown, len(scene["bodies"]))
+    hinges = len(entities["joints"]["cylinders"])
+    assert hinges == len(scene["joints"]) == len(seen["/joints"][0][1]["marks"]), (hinges, scene["joints"])
     assert all(status.get("id") == "dropped" for status in viewer.statuses), viewer.statuses  # a busy machine
     # No sample comes after the end of a subscription; the answer to a wrong message marks the moment.
     await viewer.send(op="unsubscribe", subscriptionIds=list(viewer.topics))

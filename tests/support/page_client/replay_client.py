@@ -25,6 +25,8 @@ async def begins(page, length_s):
     most = float(await page.value("document.getElementById('moment').max"))
     assert abs(most - length_s) < NEAR_S, most
     assert await page.value("getComputedStyle(document.getElementById('engine')).display") == "none"
+    await page.until("both joints", lambda s: s["joints"] == 2)
+    assert await page.value("!document.getElementById('jointLayer').hidden"), "the legend has no joints"
 
 
 async def plays(page):
@@ -46,6 +48,7 @@ async def moves(page, length_s):
     answers = (await page.state())["answers"]
     await page.drag(point(0.1), *(point(0.1 + 0.02 * i) for i in range(36)))
     await at(page, 0.8 * length_s)
+    await page.until("one has broken", lambda s: s["joints"] == 1)
     state = await page.state()
     assert state["paused"], "a paused replay stays paused"
     assert state["answers"] - answers <= 37, state
@@ -59,6 +62,7 @@ async def moves(page, length_s):
     await at(page, before_s + 0.11 * length_s)
     await page.key("Home")
     await at(page, 0.0)
+    await page.until("it has not broken yet", lambda s: s["joints"] == 2)
 
 
 async def times(page, length_s):

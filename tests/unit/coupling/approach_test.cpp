@@ -7,6 +7,7 @@
 #include <array>
 #include <numbers>
 #include <optional>
+#include <set>
 
 namespace subworld {
 namespace {
@@ -65,6 +66,29 @@ TEST(Approach, ABodyThatWillTouchWithinTheTimeIsAtTheBorder) {
   EXPECT_NEAR(border[0].distance, 0.01, 1e-12);
   EXPECT_NEAR(border[0].point.x(), 0.05, 1e-12);
   EXPECT_EQ(border[0].normal_impulse, 0.0);
+}
+
+// Where everything comes, as under a heap that falls, a frame names the nearest only.
+TEST(Approach, OfManyBodiesThatComeTheFirstOnesAreAtTheBorder) {
+  constexpr int kSide = 6;
+  Two two;
+  two.scene.bodies.resize(1);
+  two.states.resize(1);
+  for (int i = 0; i < kSide * kSide * kSide; ++i) {
+    two.scene.bodies.push_back(test::cube(BodyId(i + 1), kSide_m));
+    const double x = i % kSide - 0.5 * (kSide - 1), y = i / kSide % kSide - 0.5 * (kSide - 1),
+                 z = 1 + i / kSide / kSide;
+    two.states.push_back(test::at(0.12 * x, 0.12 * y, 0.12 * z));
+    two.states.back().linear_velocity.z() = -3.0 * z;
+  }
+  const auto border = two.near();
+  std::set<BodyId> outside, of_inside;
+  for (const BoundaryContact& pair : border) {
+    outside.insert(pair.outside);
+    if (pair.inside == BodyId{0}) of_inside.insert(pair.outside);
+  }
+  EXPECT_EQ(outside.size(), 64U);
+  EXPECT_GE(of_inside.size(), 4U) << "the four over the inside";
 }
 
 TEST(Approach, ASlowOrRecedingBodyIsNot) {

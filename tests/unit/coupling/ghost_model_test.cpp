@@ -39,6 +39,16 @@ TEST(GhostModel, ARowBehindTheBorderIsItsMassAndItsFriction) {
   EXPECT_LT((models[0].load_n - Vec3(0.5, 0, 0)).norm(), 1e-12);
 }
 
+// Cube 4 lies beside both.
+TEST(GhostModel, ABodyBesideTwoThatArePushedAddsItsMassOnce) {
+  Outside o(4);
+  o.touch(1, 2, -Vec3::UnitX(), 1.0);
+  o.touch(2, 3, -Vec3::UnitX(), 0.5);
+  o.touch(2, 4, -Vec3::UnitY(), 1.0);
+  o.touch(3, 4, -Vec3::UnitY(), 1.0);
+  EXPECT_NEAR(o.models({BodyId{1}}).at(0).mass_kg, 3 * kCube_kg, 1e-12);
+}
+
 // Cube 3 is at the border itself, because it may hit another body: the sub-world has its contact with 2.
 TEST(GhostModel, APushedGhostIsNotPartOfItsPusher) {
   const auto models = row(3.0).models({BodyId{1}}, Vec3(0.05, 0, 0), Vec3::Zero(), {BodyId{3}});

@@ -222,6 +222,10 @@ TEST(Gates, StepsThatTakeTooLongAreNoRemark) {
   run.haptic[0].missed_by_run = 30;
   EXPECT_TRUE(verdict(run).starts_with("quality gate missed: user 0: missed by the run 0.3 % of steps: steps take "))
       << verdict(run);
+  run.scene.settings.delay.up_s = 0.1;
+  run.haptic[0].round_trip_s.p50 = 0.1;
+  EXPECT_NE(verdict(run).find("artificial delay 100 ms"), std::string::npos) << "also beside a miss: " << verdict(run);
+  run.scene.settings.delay.up_s = run.haptic[0].round_trip_s.p50 = 0.0;
   run.haptic[0].missed_by_run = 10;
   EXPECT_TRUE(verdict(run).starts_with("ok; ")) << "within the gate: " << verdict(run);
   run.haptic[0].missed_by_os = 0;

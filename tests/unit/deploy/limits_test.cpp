@@ -246,6 +246,52 @@ TEST_F(Limits, UsersForWhomADomainHasRoom) {
   EXPECT_THAT(refusal(30), HasSubstr("room for 29 users"));
 }
 
+TEST_F(Limits, JointsThatFixABodyTwice) {
+  add(named("wall", ShapeKind::box, 0.0), {5, 0, 0});
+  const auto join = [&](const char* name, std::uint32_t a, std::uint32_t b) {
+    Joint& joint = scene.joints.emplace_back();
+    joint.name = name;
+    joint.a = BodyId{a};
+    joint.b = BodyId{b};
+  };
+  join("weld", 1, 2);
+  join("foot", 1, 0);
+  EXPECT_THAT(warnings(), IsEmpty());
+  join("again", 2, 1);
+  join("back", 3, 1);
+  EXPECT_THAT(warnings(),
+              ElementsAre(HasSubstr("joints weld and again both fix second to first, foot and back both fix "
+                                    "first to fixed bodies: one is enough")));
+  scene.joints[2].break_force_n = 10.0;  // a second screw
+  scene.joints[3].kind = JointKind::hinge;
+  EXPECT_THAT(warnings(), IsEmpty());
+}
+
+TEST_F(Limits, BodiesThatAnEngineDoesNotHold) {
+  scene.users.emplace_back().name = "anna";
+  const auto refusal = [&]() -> std::string {
+    try {
+      check_request(scene, {});
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::usage);
+      return error.what();
+    }
+    return "";
+  };
+  scene.settings.world.name = "ode";
+  EXPECT_EQ(refusal(), "");
+  scene.bodies[2].material.rolling_friction = 0.01;  // the first body of its shape has none
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("settings.world"), HasSubstr("ode does not hold the body second: it has"),
+                               HasSubstr("rolling or spinning friction; use bullet or bullet_float")));
+  scene.settings.haptic.name = "ode";
+  scene.settings.world.name = "bullet";
+  EXPECT_EQ(refusal(), "") << "it may never be in a sub-world";
+  EXPECT_THAT(warnings(), ElementsAre(AllOf(HasSubstr("haptic: the run will fail once this body is in a sub-world"),
+                                            HasSubstr("the body second"))));
+  scene.joints.emplace_back().b = BodyId{1};
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("settings.haptic"), HasSubstr("ode has no joints; use bullet")));
+}
+
 TEST(HeavyOnLight, IsInterpolatedInLogarithms) {
   EXPECT_DOUBLE_EQ(heaviest_on_light({100, 25}, 1e-3), 100);
   EXPECT_DOUBLE_EQ(heaviest_on_light({100, 25}, 2e-3), 50);

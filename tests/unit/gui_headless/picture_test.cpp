@@ -1,5 +1,6 @@
 #include "picture.hpp"
 
+#include "joint_marks.hpp"
 #include "model/error.hpp"
 #include "model/shapes/shape_extent.hpp"
 #include "support/png_reader.hpp"
@@ -25,6 +26,7 @@ struct TestScene {
   std::vector<BodyState> states;
   std::vector<Mesh> meshes;
   std::vector<UserView> users;
+  std::vector<Joint> joints;
 
   BodyId add(const Shape& shape, double mass_kg, const Vec3& position) {
     Body body;
@@ -42,7 +44,9 @@ struct TestScene {
   static Shape box(const Vec3& half_extents) { return {.kind = ShapeKind::box, .half_extents = half_extents}; }
   static Shape sphere(double radius) { return {.kind = ShapeKind::sphere, .radius = radius}; }
 
-  [[nodiscard]] Picture picture() const { return {bodies, states, meshes, users, std::nullopt, std::nullopt}; }
+  [[nodiscard]] Picture picture() const {
+    return {bodies, states, meshes, users, std::nullopt, std::nullopt, joints, {}};
+  }
 };
 
 BoundaryContact border_pair(BodyId inside, const Vec3& impulse) {
@@ -79,6 +83,8 @@ bool is_red(Rgb p) { return p[0] > 90 && p[0] > 1.7 * p[1] && p[0] > 1.7 * p[2];
 bool is_blue(Rgb p) { return p[2] > 1.3 * p[0] && p[2] > 1.12 * p[1]; }
 bool is_yellow(Rgb p) { return p[0] > 1.5 * p[2] && p[1] > 1.3 * p[2]; }
 bool is_grey(Rgb p) { return p[0] > 90 && p[0] < 228 && std::abs(p[0] - p[2]) < 14 && std::abs(p[0] - p[1]) < 10; }
+
+bool is_magenta(Rgb p) { return p[0] > 120 && p[2] > 90 && p[0] > 2 * p[1] && p[2] > 1.7 * p[1]; }
 
 int count(const Image& image, bool (*is)(Rgb), const std::function<bool(int, int)>& where = nullptr) {
   int sum = 0;
@@ -277,6 +283,102 @@ TEST(Picture, RefusesNonsense) {
   EXPECT_THROW((void)draw({}, {0, 720}), Error);
   EXPECT_THROW(write_png(testing::TempDir() + "/subworld_nonsense.png", {2, 2, {1, 2, 3}}, "Subworld"), Error);
   EXPECT_THROW(write_png("no_such_folder/picture.png", {1, 1, {1, 2, 3}}, "Subworld"), Error);
+}
+
+Joint joint_of(JointKind kind, std::initializer_list<std::size_t> free, BodyId a, BodyId b) {
+  Joint joint;
+  joint.kind = kind;
+  joint.a = a;
+  joint.b = b;
+  for (const std::size_t axis : free) joint.axes[axis].free = true;
+  return joint;
+}
+
+/// Two cubes beside each other, and a joint in the middle of the left one, as seen along y.
+struct JointScene : TestScene {
+  explicit JointScene(const Joint& joint) {
+    const BodyId a = add_cube(Vec3(-0.06, 0.0, 0.0)), b = add_cube(Vec3(0.06, 0.0, 0.0));
+    joints = {joint};
+    joints[0].a = a;
+    joints[0].b = b;
+    joints[0].in_b.position = states[0].position - states[1].position;
+  }
+  [[nodiscard]] Picture seen() const {
+    auto one = picture();
+    one.camera = Camera{Vec3(0.0, -2.0, 0.0), Vec3::Zero(), 0.2};
+    return one;
+  }
+  /// Largest distances, in pixels, of magenta pixels from the joint's place, to the side and upwards.
+  [[nodiscard]] std::pair<double, double> extents() const {
+    const auto drawing = drawn(seen());
+    const auto at = project(drawing.camera, drawing.image.width, drawing.image.height, states[0].position);
+    std::pair<double, double> most{0.0, 0.0};
+    (void)count(drawing.image, is_magenta, [&](int column, int row) {
+      most.first = std::max(most.first, std::abs(column + 0.5 - at->column));
+      most.second = std::max(most.second, std::abs(row + 0.5 - at->row));
+      return true;
+    });
+    return most;
+  }
+};
+
+TEST(Picture, DrawsJointsInsideOfBodiesByTheirFreeDirections) {
+  const auto extents = [](JointKind kind, std::initializer_list<std::size_t> free) {
+    return JointScene(joint_of(kind, free, {}, {})).extents();
+  };
+  const auto hinge = extents(JointKind::hinge, {3}), upright = extents(JointKind::hinge, {5});
+  EXPECT_GT(hinge.first, 2.5 * hinge.second) << "along x";
+  EXPECT_GT(upright.second, 2.5 * upright.first) << "along z";
+  const auto slider = extents(JointKind::slider, {0});
+  EXPECT_GT(slider.first, 1.5 * hinge.first);
+  const auto ball = extents(JointKind::ball, {3, 4, 5});
+  EXPECT_NEAR(ball.first, ball.second, 1.01);
+  EXPECT_GT(ball.first, 4.0);
+  const auto cross = extents(JointKind::universal, {3, 5});
+  EXPECT_NEAR(cross.first, hinge.first, 1.01);
+  EXPECT_NEAR(cross.second, upright.second, 1.01);
+  const auto fixed = extents(JointKind::fixed, {});
+  EXPECT_GT(fixed.first, 1.0);
+  EXPECT_LT(fixed.first, 0.5 * hinge.first);
+}
+
+TEST(Picture, DrawsNoBrokenJointAndNoneOfABodyThatCannotBeDrawn) {
+  JointScene scene(joint_of(JointKind::ball, {3, 4, 5}, {}, {}));
+  auto picture = scene.seen();
+  EXPECT_GT(count(drawn(picture).image, is_magenta), 50);
+  constexpr std::uint32_t kBroken[]{0};
+  picture.broken_joints = kBroken;
+  EXPECT_EQ(count(drawn(picture).image, is_magenta), 0);
+  scene.states[1].position.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(count(drawn(scene.seen()).image, is_magenta), 0);
+  scene.joints[0].b = BodyId(7);
+  EXPECT_EQ(count(drawn(scene.seen()).image, is_magenta), 0);
+}
+
+/// With any states of the bodies, the marks are where the physics has the joint, and along its free directions.
+TEST(JointMarks, AreAlongTheDirectionsOfTheJoint) {
+  TestScene scene;
+  const BodyId a = scene.add_cube(Vec3(0.3, 0.1, 0.2)), b = scene.add_cube(Vec3(-0.1, 0.4, 0.0));
+  scene.states[0].orientation = Quat(0.3, 0.5, -0.2, 0.7).normalized();
+  scene.states[1].orientation = Quat(0.6, -0.1, 0.4, 0.2).normalized();
+  const std::vector<std::vector<std::size_t>> all{{3},    {4}, {5},    {3, 4},    {4, 5},
+                                                  {3, 5}, {0}, {2, 5}, {0, 1, 5}, {0, 2, 3, 4}};
+  for (const auto& free : all) {
+    Joint joint = joint_of(JointKind::six, {}, a, b);
+    for (const std::size_t axis : free) joint.axes[axis].free = true;
+    joint.in_a = {Vec3(0.01, 0.02, 0.03), Quat(0.9, 0.1, 0.3, 0.2).normalized()};
+    joint.in_b = {Vec3(0.04, -0.02, 0.01), Quat(0.2, 0.8, 0.1, -0.4).normalized()};
+    const JointPlace truth = place_of(joint, pose_of(scene.states[0]), pose_of(scene.states[1]));
+    std::vector<bool> found(6);
+    for (const JointMark& mark : joint_marks({&joint, 1}, scene.bodies, {}, {})) {
+      const Pose place = place_of(mark, scene.states[index(mark.at)], scene.states[index(mark.along)]);
+      const Vec3 along = place.orientation * Vec3::UnitZ();
+      EXPECT_NEAR((place.position - truth.point - mark.shift * along).norm(), 0.0, 1e-12);
+      for (const std::size_t axis : free)
+        if (std::abs(along.dot(truth.directions[axis])) > 1.0 - 1e-9) found[axis] = true;
+    }
+    for (const std::size_t axis : free) EXPECT_TRUE(found[axis]) << free.size() << " free, axis " << axis;
+  }
 }
 
 TEST(Camera, ShowsAllMovableBodiesAsLargeAsPossible) {

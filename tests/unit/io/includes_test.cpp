@@ -30,6 +30,7 @@ const std::map<std::string, Names> kMayInclude{
     {"haptic_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "haptic_sim"}},
     {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "plugin", "device_sim"}},
     {"gui_headless", {"model", "physics", "coupling", "wire", "rt", "io", "program", "gui_headless"}},
+    {"examples", {"model", "physics", "coupling", "world_sim", "haptic_sim", "device_sim"}},
     {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "report", "device_sim", "deploy"}},
 };
 
@@ -55,7 +56,7 @@ const std::vector<Foreign>& foreign() {
       {"Eigen", std::regex("Eigen/.*"), std::regex("(common/(model|physics|coupling|wire)|[a-z]+_[a-z]+)/.*")},
       {"JSON", std::regex("nlohmann/.*"), std::regex("common/io/.*")},
       {"libwebsockets", std::regex("libwebsockets\\.h"), std::regex("gui_headless/live/(session|server)\\.cpp")},
-      {"command lines", std::regex("CLI/.*"), std::regex("common/io/options/command_line\\.cpp")},
+      {"command lines", std::regex("CLI/.*"), std::regex("common/io/options/(command_line|manual)\\.cpp")},
       {"zlib", std::regex("zlib\\.h"), std::regex("(common/io/records/mcap_.*|gui_headless/picture)\\.cpp")},
       {"PNG", std::regex("png\\.h"), std::regex("gui_headless/picture\\.cpp")},
   };
@@ -63,7 +64,8 @@ const std::vector<Foreign>& foreign() {
 }
 
 std::string room_of(const std::string& file) {
-  const std::string rest = file.starts_with("common/") ? file.substr(7) : file;
+  const bool inner = file.starts_with("common/") || file.starts_with("deploy/examples/");
+  const std::string rest = inner ? file.substr(7) : file;
   return rest.substr(0, rest.find('/'));
 }
 

@@ -67,7 +67,7 @@ const std::vector<OldWord>& old_words() {
        "border_pairs"},
       {In::code, "Conductor", R"(\bConductor\b)", "RunControl", "class Conductor {", "class SemiConductors {"},
       {In::words, "rouse", R"(\brouses?\b)", "handshake", "void rouse();", "trousers"},
-      {In::code, "gather", R"(\bgather\((?!(motions_|moved_|pushed_|by_loads|now|then|const ))|\bgather_)",
+      {In::code, "gather", R"(\bgather\((?!(motions|moved_|pushed_|by_loads|now|then|const ))|\bgather_)",
        "await_peers", "if (!gather(ports)) return;", "BothMotion motion = gather(motions_[a], motions_[b]);"},
       {In::code, "p", R"(\bsubs?(\[\w+\])?(\.|->)apply\(|\bapply\(const WorldFrame|\.adopt\()",
        "synchronise_with, reset_from", "subs[u]->apply(world.frame(u));",

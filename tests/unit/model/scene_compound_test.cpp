@@ -97,6 +97,17 @@ TEST_F(SceneCompound, ATubeIsARingOfSides) {
   EXPECT_NEAR(given.bodies[1].mass, 3.0, 1e-12);
 }
 
+// A frustum of a hole, with the volume (A + B + sqrt(A B)) l / 3, in a prism.
+TEST_F(SceneCompound, ATubeMayWidenToItsTop) {
+  const Scene scene = load(
+      "{name: seat, shape: compound, density_kg_m3: 1000, parts: ["
+      "{shape: tube, radius_m: 0.01, top_radius_m: 0.02, wall_m: 0.005, length_m: 0.02, sides: 6}]}");
+  const double per_square = 6 * std::tan(M_PI / 6);
+  const double hole = per_square * (0.01 * 0.01 + 0.02 * 0.02 + 0.01 * 0.02) * 0.02 / 3;
+  EXPECT_NEAR(scene.bodies[1].mass, 1000 * (per_square * 0.025 * 0.025 * 0.02 - hole), 1e-9);
+  EXPECT_LT(scene.initial[1].position.z(), 0.0) << "the material is below";
+}
+
 TEST_F(SceneCompound, ErrorsNameThePlaceAndTheCure) {
   expect_error("{name: a, shape: compound, mass_kg: 1, parts: []}", "a compound body needs a part");
   expect_error("{name: a, shape: compound, mass_kg: 1}", "\"parts\"");
@@ -114,6 +125,10 @@ TEST_F(SceneCompound, ErrorsNameThePlaceAndTheCure) {
       "{name: a, shape: compound, mass_kg: 1, parts: "
       "[{shape: tube, radius_m: 0.1, wall_m: 1.0e-6, length_m: 0.1}]}",
       "wall_m");
+  expect_error(
+      "{name: a, shape: compound, mass_kg: 1, parts: "
+      "[{shape: tube, radius_m: 0.1, top_radius_m: 0, wall_m: 0.01, length_m: 0.1}]}",
+      "top_radius_m");
 }
 
 TEST_F(SceneCompound, AnErrorInAPartIsTheOnlyOne) {
@@ -150,6 +165,32 @@ TEST(SurfaceOfAShape, IsClosedAndHasItsVolume) {
     const Mesh mesh = surface(shape, {});
     EXPECT_NEAR(integrate(mesh).volume / volume(shape), 1.0, 0.05) << static_cast<int>(shape.kind);
   }
+}
+
+TEST_F(SceneCompound, GivenMassPropertiesTakeThePlaceOfThoseOfTheParts) {
+  const std::string part = ", shape: compound, parts: [{shape: box, size_m: [0.2, 0.1, 0.1]}]";
+  const Scene scene = load(
+      "{name: link, position_m: [1, 0, 0], mass_kg: 3, centre_of_mass_m: [0.05, 0, 0], "
+      "inertia_kg_m2: [0.01, 0.02, 0.025, 0, 0, 0]" +
+      part + "}");
+  const Body& link = scene.bodies[1];
+  EXPECT_EQ(link.mass, 3.0);
+  EXPECT_NEAR(link.inertia.sum(), 0.055, 1e-12);
+  EXPECT_NEAR(scene.initial[1].position.x(), 1.05, 1e-12);
+  EXPECT_NEAR(scene.meshes[link.shape.mesh].parts[0].pose.position.x(), -0.05, 1e-12);
+  expect_error("{name: link, mass_kg: 3, inertia_kg_m2: [0.01, 0.02, -0.025, 0, 0, 0]" + part + "}",
+               "is of no body: its principal moments are 0.01, 0.02 and -0.025 kg m2, and all must be positive");
+  expect_error(
+      "{name: link, mass_kg: 3, inertia_kg_m2: [0.01, 0.02, 0.0302, 0, 0, 0]" + part + "}",
+      "bodies[1].inertia_kg_m2: is of no body: its principal moments are 0.01, 0.02 and 0.0302 kg m2, and none "
+      "may exceed the sum of the others; check the values, in the order xx, yy, zz, xy, xz, yz");
+  expect_error("{name: link, mass_kg: 3, inertia_kg_m2: [2, 2, 1, 1.9, 0, 0]" + part + "}", "3.9");   // turned axes
+  (void)load("{name: link, mass_kg: 3, inertia_kg_m2: [0.333, 0.333, 0.667, 0, 0, 0]" + part + "}");  // a thin plate
+  expect_error("{name: link, density_kg_m3: 3, inertia_kg_m2: [0.01, 0.02, 0.025, 0, 0, 0]" + part + "}",
+               "needs the mass of the whole; add mass_kg");
+  expect_error("{name: link, mass_kg: 3, centre_of_mass_m: [0, 0, 0]" + part + "}", "add inertia_kg_m2");
+  expect_error("{name: link, mass_kg: 3, inertia_kg_m2: [1, 1, 1, 0, 0, 0], shape: sphere, radius_m: 1}",
+               "write shape: compound with one part");
 }
 
 }  // namespace

@@ -115,13 +115,31 @@ TEST_P(BulletSmallSteps, HeavyRestsOnLight) {
   EXPECT_LT(moved(), 1e-3);
 }
 
+// Rounding must not grow from pass to pass.
+class BulletRounding : public BulletSmallSteps {};
+
+TEST_P(BulletRounding, AHeavyCubeOnALightOneDoesNotTremble) {
+  add_floor();
+  add_cube(0.1, 1.0, Vec3(0, 0, 0.05));
+  const BodyId heavy = add_cube(0.1, 10.0, Vec3(0, 0, 0.15));
+  run(1.0);
+  double most_rad_s = 0.0;
+  for (int i = 0; i < GetParam().steps(0.5); ++i) {
+    engine->step(GetParam().dt);
+    most_rad_s = std::max(most_rad_s, engine->state(heavy).angular_velocity.norm());
+  }
+  EXPECT_LT(most_rad_s, 1e-3);
+}
+
 TEST_P(BulletSmallSteps, AStackStands) {
   constexpr int kCubes = 50;
   add_floor();
   for (int i = 0; i < kCubes; ++i) add_cube(0.1, 1.0, Vec3(0, 0, (i + 0.5) * 0.1));
   run(5.0);
-  EXPECT_LT(moved(), 1e-3);
-  EXPECT_LT(fastest(), GetParam().engine == "bullet" ? 1e-3 : 1e-2);  // single precision oscillates a little
+  // In single precision it trembles by the rounding of heights up to 5 m: within 20 s by 0.8 to 1.6 mm, up to 17 mm/s.
+  const bool is_exact = GetParam().engine == "bullet";
+  EXPECT_LT(moved(), is_exact ? 1e-3 : 2e-3);
+  EXPECT_LT(fastest(), is_exact ? 1e-3 : 2e-2);
 }
 
 TEST_P(BulletSmallSteps, ARestingBodyOnASlopeDoesNotCreep) {
@@ -147,6 +165,8 @@ test::Halves<test::Tested> bullets_in_small_steps() {
   std::erase_if(all, [](const test::Tested& t) { return !t.engine.starts_with("bullet"); });
   return test::halves(all, 2);
 }
+INSTANTIATE_TEST_SUITE_P(Engines, BulletRounding, testing::Values(test::Tested{"bullet_float", "quality", 0.001}),
+                         test::name_of);
 INSTANTIATE_TEST_SUITE_P(Engines, BulletSmallSteps, testing::ValuesIn(bullets_in_small_steps().half), test::name_of);
 INSTANTIATE_TEST_SUITE_P(Full, BulletSmallSteps, testing::ValuesIn(bullets_in_small_steps().other), test::name_of);
 

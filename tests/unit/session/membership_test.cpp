@@ -1,6 +1,8 @@
 #include "coupling/schemes/reduced/ghosts.hpp"
 #include "lab/session/coupled_run.hpp"
+#include "support/scene_text.hpp"
 
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -89,6 +91,35 @@ TEST(Ghosts, AnErrorOverALostFrameIsNoImpact) {
       if (stamp == 1) ghosts.log(stamp, *engine);
     }
     EXPECT_NEAR(engine->state(cube->id).linear_velocity.x(), 3 * kPerCycle_m_s, 1e-9) << "lost: " << lost;
+  }
+}
+
+// A ball is thrown past the tool, into its sub-world and out of it on both ways.
+TEST(Membership, ABallThatFliesThroughFallsFreely) {
+  constexpr double kSpeed_m_s = 10.0;
+  for (const double way_s : {0.0, 0.01}) {
+    CoupledRun run(load_text(fmt::format(R"(
+name: throw
+settings: {{duration_s: 1.9, ratio: 5, users: 1, delay: {{up_s: {0}, down_s: {0}}}}}
+bodies:
+  - {{name: ball, shape: sphere, radius_m: 0.05, mass_kg: 1, position_m: [0.3, 0, 0.1], velocity_m_s: [0, 0, 10]}}
+users:
+  - name: user
+    proxy: {{shape: sphere, radius_m: 0.03, mass_kg: 0.1, position_m: [0, 0, 1.5], rotates: false, gravity: false}}
+    coupling: {{stiffness_n_m: 1000, damping_n_s_m: 20}}
+    box_half_m: 0.4
+)",
+                                         way_s)));
+    std::size_t most_members = 0;
+    double worst_m_s = 0.0;
+    while (!run.world.facts().over) {
+      run.cycle();
+      const double falling_m_s = kSpeed_m_s - 9.81 * run.world.facts().time_s;
+      worst_m_s = std::max(worst_m_s, std::abs(run.world.engine().state(BodyId{0}).linear_velocity.z() - falling_m_s));
+      most_members = std::max(most_members, run.frame().members.size());
+    }
+    EXPECT_EQ(most_members, 2U);
+    EXPECT_LT(worst_m_s, 1e-6) << "with " << way_s << " s each way";
   }
 }
 

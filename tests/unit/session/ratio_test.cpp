@@ -288,5 +288,24 @@ TEST(AdaptiveRatio, ASubWorldThatMissedAChangeReportsItAndRestarts) {
   EXPECT_NEAR(sub.clock().left_s(), scene.settings.longest_cycle_s(), 1e-9);
 }
 
+// Sub-steps of the world serve pushes. An engine that divides its own step needs no others.
+TEST(WorldSteps, AreWholeCyclesWhileNoOperatorCanTouchAnything) {
+  const auto substeps = [](const std::string& preset, const Vec3& operator_at) {
+    Scene scene = load_scene(std::string(SCENES_FOLDER) + "/press.yaml");
+    keep_users(scene, 1);
+    scene.settings.ratio = 16;
+    scene.settings.world.preset = preset;
+    scene.settings.disable(disabled(Optimisation::rest));  // what sleeps is in no sub-world
+    scene.initial[index(scene.users[0].proxy)].position = operator_at;
+    CoupledRun run(scene);
+    for (int i = 0; i < 30; ++i) run.cycle();  // it presses the cube
+    return run.world.facts().substeps;
+  };
+  const Vec3 far(-5, 0, 5), near(-0.06, 0, 0.05);
+  EXPECT_EQ(substeps("large", far), 1);
+  EXPECT_EQ(substeps("large", near), 4);
+  EXPECT_EQ(substeps("quality", far), 4);
+}
+
 }  // namespace
 }  // namespace subworld

@@ -144,5 +144,16 @@ TEST_F(LoneOperator, FeelsABodyThatIsThrownAtIt) {
   EXPECT_LT(difference, 0.005);
 }
 
+// The ball hits the far end of the sleeping row, whose other end then hits the tool.
+TEST_F(LoneOperator, FeelsWhatSleepsAndIsHit) {
+  scene.users[0].device.path.clear();
+  Body& ball = test::throw_ball(scene, {2.0, 0.0, 0.05}, {-3.0, 0.0, 0.0});
+  ball.mass = 4.0;
+  ball.inertia *= 40.0;
+  const auto [force_n, difference] = compare();
+  EXPECT_GT(force_n, 1.0);
+  EXPECT_LT(difference, 0.005);
+}
+
 }  // namespace
 }  // namespace subworld

@@ -1,6 +1,7 @@
 #include "coupling/schemes/reduced/carried.hpp"
 
-#include <Eigen/Eigenvalues>
+#include "model/vectors.hpp"
+
 #include <Eigen/LU>
 
 #include <algorithm>
@@ -156,17 +157,15 @@ bool holds(const CarriedBody& whole, const Body& body) {
   constexpr double kRounding = 1e-6;
   const Eigen::Matrix3d cross = cross_matrix(whole.centre_m);
   const Eigen::Matrix3d inertia = whole.inertia_kg_m2 - whole.mass_kg * cross * cross;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(inertia, Eigen::EigenvaluesOnly);
   return whole.mass_kg >= (1.0 - kRounding) * body.mass &&
-         principal.eigenvalues().minCoeff() >= (1.0 - kRounding) * body.inertia.minCoeff();
+         is_positive_definite(inertia - (1.0 - kRounding) * body.inertia.minCoeff() * Eigen::Matrix3d::Identity());
 }
 
 void CarriedMotion::follow(const CarriedBody& whole) {
   const Eigen::Matrix3d cross = cross_matrix(whole.centre_m);
-  Mat6 inertia;
-  inertia << whole.mass_kg * Eigen::Matrix3d::Identity(), -whole.mass_kg * cross,  //
-      whole.mass_kg * cross, whole.inertia_kg_m2 - whole.mass_kg * cross * cross;
-  mobility = inertia.inverse();
+  const Eigen::Matrix3d turns = whole.inertia_kg_m2.inverse();
+  mobility << Eigen::Matrix3d::Identity() / whole.mass_kg - cross * turns * cross, cross * turns,  //
+      -turns * cross, turns;
   drive << whole.drive.force, whole.drive.torque;
 }
 

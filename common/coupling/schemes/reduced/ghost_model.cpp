@@ -19,7 +19,9 @@ constexpr double kDistinct = 0.5;   ///< sine to the axes there are; what is clo
 constexpr double kWallMass_kg = 1e5;     ///< of what cannot give way: heavier than anything that it meets
 constexpr double kSliding_m_s = -0.002;  ///< faster away from the inside than this: the outside slides
 
-double friction(const Body& a, const Body& b) noexcept { return std::sqrt(a.material.friction * b.material.friction); }
+double friction(const Scene& scene, BodyId a, BodyId b) noexcept {
+  return in_contact(scene.body(a).material, scene.body(b).material, scene.settings.world.pairs).friction;
+}
 
 /// The part of a vector across the axes that there are.
 Vec3 across(const GhostModel& ghost, Vec3 v) noexcept {
@@ -29,9 +31,9 @@ Vec3 across(const GhostModel& ghost, Vec3 v) noexcept {
 
 }  // namespace
 
-GhostModeller::GhostModeller(const Scene& scene) : scene_(scene), carried_(scene) {
+GhostModeller::GhostModeller(const Scene& scene)
+    : scene_(scene), carried_(scene), in_way_(scene.bodies.size()), counted_(scene.bodies.size()) {
   way_.reserve(scene.bodies.size());
-  counted_.reserve(scene.bodies.size());
   holds_.reserve(64);
   pushed_.reserve(4 * scene.bodies.size());
   approaching_.reserve(scene.bodies.size());
@@ -40,6 +42,7 @@ GhostModeller::GhostModeller(const Scene& scene) : scene_(scene), carried_(scene
 bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& around) {
   bool gives = true;
   way_.assign(1, from);
+  in_way_[index(from)] = ++walk_;
   for (std::size_t k = 0; k < way_.size(); ++k) {
     const BodyId id = way_[k];
     for (const Neighbour& n : around.graph.neighbours(id)) {
@@ -47,7 +50,7 @@ bool GhostModeller::push(BodyId from, const Vec3& along, const Surroundings& aro
       if (along.dot(n.outwards) <= kPushing || in_engine(next, around)) continue;
       if (scene_.body(next).fixed()) {
         gives = false;
-      } else if (std::ranges::find(way_, next) == way_.end()) {
+      } else if (std::exchange(in_way_[index(next)], walk_) != walk_) {
         way_.push_back(next);
       }
     }
@@ -73,7 +76,7 @@ std::optional<GhostModeller::Rolling> GhostModeller::rolling(BodyId id, const Ve
   Rolling found;
   for (const Neighbour& n : around.graph.neighbours(id)) {
     const BodyId beside = n.body;
-    const double friction_n = friction(body, scene_.body(beside)) * n.impulse_n_s / around.step_s;
+    const double friction_n = friction(scene_, id, beside) * n.impulse_n_s / around.step_s;
     if (std::abs(along.dot(n.outwards)) > kPushing) {
       found.resistance_n += friction_n;
       continue;
@@ -94,13 +97,11 @@ GhostModeller::EffectiveMass GhostModeller::walk(BodyId from, const Vec3& along,
   if (!push(from, along, around)) return {.mass_kg = kWallMass_kg, .wall = true};
   EffectiveMass found;
   const auto count = [&](BodyId id) {
-    if (std::ranges::find(counted_, id) != counted_.end()) return;
-    counted_.push_back(id);
+    if (std::exchange(counted_[index(id)], walk_) == walk_) return;
     found.mass_kg += scene_.body(id).mass;
     found.inertial_n += scene_.body(id).mass * around.motions[index(id)].acceleration;
     if (scene_.body(id).gravity) found.heavy_kg += scene_.body(id).mass;
   };
-  counted_.clear();
   std::ranges::for_each(way_, count);
   holds_.clear();
   for (const BodyId id : way_) {
@@ -112,10 +113,12 @@ GhostModeller::EffectiveMass GhostModeller::walk(BodyId from, const Vec3& along,
     }
     for (const Neighbour& n : around.graph.neighbours(id)) {
       const BodyId beside = n.body;
-      const double mu = friction(scene_.body(id), scene_.body(beside));
+      const double mu = friction(scene_, id, beside);
       if (rolls || std::abs(along.dot(n.outwards)) > kPushing) continue;
       if (in_engine(beside, around) || pushed_by_another(beside, from, along)) continue;
-      if (scene_.body(beside).fixed()) {
+      if (scene_.body(beside).is_driven()) {
+        found.driven = true;
+      } else if (scene_.body(beside).fixed()) {
         found.limit_n += mu * n.impulse_n_s / around.step_s;
         if (id == from) holds_.push_back({n.outwards, n.impulse_n_s, mu});
       } else {
@@ -244,6 +247,7 @@ void GhostModeller::model_axis(std::uint32_t number, const Surroundings& around,
   const Pulled pulled = find_peers(number, around, ghost, peers);
   const double q = load_n + (found.inertial_n - pulled.by_springs - pulled.by_forces).dot(axis.normal);
   double f = found.heavy_kg * scene_.settings.world.gravity.dot(axis.normal);
+  if (found.driven) f = q;  // a belt's friction goes on as it is
   double c = found.limit_n;
   const bool slides = motion.state.linear_velocity.dot(axis.normal) < kSliding_m_s && load_n > 0.0;
   c = slides ? std::max(0.0, q - f) : std::max(c, q - f);

@@ -62,6 +62,7 @@ class GhostModeller {
     Vec3 inertial_n = Vec3::Zero();               ///< N, mass times acceleration
     Vec3 load_dependent_friction = Vec3::Zero();  ///< N/N
     bool wall = false;
+    bool driven = false;  ///< a surface that moves pulls some of it
   };
   /// A contact of the ghost itself with what holds it back by friction.
   struct Hold {
@@ -114,11 +115,12 @@ class GhostModeller {
 
   const Scene& scene_;
   CarriedModeller carried_;
-  std::vector<BodyId> way_;          ///< what a push moves, in the order of its discovery
-  std::vector<BodyId> counted_;      ///< of the present walk
-  std::vector<Hold> holds_;          ///< of the present walk
-  std::vector<Pushed> pushed_;       ///< by all ghosts' axes, by body
-  std::vector<BodyId> approaching_;  ///< ghosts that meet ghosts
+  std::vector<BodyId> way_;                      ///< what a push moves, in the order of its discovery
+  std::uint64_t walk_ = 0;                       ///< number of the present walk
+  std::vector<std::uint64_t> in_way_, counted_;  ///< by body: the last walk that moved it, and that counted its mass
+  std::vector<Hold> holds_;                      ///< of the present walk
+  std::vector<Pushed> pushed_;                   ///< by all ghosts' axes, by body
+  std::vector<BodyId> approaching_;              ///< ghosts that meet ghosts
 };
 
 /// The displacement, m, that takes a new ghost out of what it would penetrate: the world's gaps at the outside body,

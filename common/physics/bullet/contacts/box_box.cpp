@@ -271,15 +271,18 @@ class BoxBox final : public OneManifold {
                         const btDispatcherInfo& info, btManifoldResult* result) override {
     result->setPersistentManifold(manifold_);
     const Cuboid a{first->getWorldTransform(), half_a_}, b{second->getWorldTransform(), half_b_};
+    const btCollisionObject &one = *first->getCollisionObject(), &other = *second->getCollisionObject();
     const Relation boxes(a, b);
-    if (separating_ >= 0 && boxes.is_apart(separating_, reach_)) {  // as in the previous step
-      return leave(*first->getCollisionObject(), *second->getCollisionObject(), info.m_timeStep);
+    const double dt = info.m_timeStep, way = pair_.way(one, other, dt);
+    const btScalar near = looks_ahead() && way == 0.0 ? btMax(reach_, scalar(pair_.motion(one, other, dt))) : reach_;
+    if (separating_ >= 0 && boxes.is_apart(separating_, near)) {  // as in the previous step
+      return leave(one, other, way, dt);
     }
-    const Direction direction = least_deep(boxes, last_, reach_);
-    if (direction.gap >= reach_) {
+    const Direction direction = least_deep(boxes, last_, near);
+    if (direction.gap >= near) {
       separating_ = direction.number;
       last_ = -1;
-      return leave(*first->getCollisionObject(), *second->getCollisionObject(), info.m_timeStep);
+      return leave(one, other, way, dt);
     }
     separating_ = -1;
     last_ = direction.number;
@@ -293,8 +296,7 @@ class BoxBox final : public OneManifold {
       }
       return false;
     };
-    const btCollisionObject &one = *first->getCollisionObject(), &other = *second->getCollisionObject();
-    const btScalar reach = btMax(reach_, btScalar(pair_.way(one, other, info.m_timeStep)));
+    const btScalar reach = btMax(near, scalar(way));
     writer.put(direction.is_edge() ? meet_on_edges(a, b, direction.number)
                                    : meet_on_face(a, b, direction.number, reach, kBetterGap * reach_, is_old),
                one, other, reach);
@@ -307,8 +309,8 @@ class BoxBox final : public OneManifold {
   }
 
   /// The boxes are apart.
-  void leave(const btCollisionObject& a, const btCollisionObject& b, double dt) {
-    if (const double way = pair_.way(a, b, dt); way > 0.0) {
+  void leave(const btCollisionObject& a, const btCollisionObject& b, double way, double dt) {
+    if (way > 0.0) {
       look_ahead(*manifold_, a, b, way, dt);
     } else if (manifold_->getNumContacts() > 0) {
       manifold_->clearManifold();

@@ -1,6 +1,7 @@
 #include "physics/bullet/contacts/contact_algorithm.hpp"
 #include "physics/bullet/contacts/convex_contacts.hpp"
 #include "physics/bullet/contacts/convex_points.hpp"
+#include "physics/bullet/contacts/hidden_points.hpp"
 #include "physics/bullet/parts.hpp"
 
 #include <algorithm>
@@ -52,6 +53,9 @@ class CompoundContacts final : public ContactAlgorithm {
       if (near_[i] == nullptr) near_[i] = make(wrapped, wrapped_b);
       btManifoldResult result(&wrapped, &wrapped_b);
       near_[i]->processCollision(&wrapped, &wrapped_b, info, &result);
+      found_.resizeNoInitialize(0);
+      near_[i]->getAllContactManifolds(found_);
+      for (int m = 0; m < found_.size(); ++m) omit_hidden(*found_[m], a, i);
     }
   }
 
@@ -83,6 +87,7 @@ class CompoundContacts final : public ContactAlgorithm {
 
   double reach_;                             ///< upper bound of the parts', m
   std::vector<btCollisionAlgorithm*> near_;  ///< by part; null: far
+  btManifoldArray found_;                    ///< of one part
 };
 
 }  // namespace

@@ -12,6 +12,15 @@
 
 namespace subworld::bullet {
 
+/// Bullet's dispatcher, with a choice for the algorithms.
+class Dispatcher final : public btCollisionDispatcher {
+ public:
+  /// `ahead`: contacts of all bodies that may meet within a step are found, not of fast ones only.
+  Dispatcher(btCollisionConfiguration* configuration, bool ahead)
+      : btCollisionDispatcher(configuration), looks_ahead(ahead) {}
+  const bool looks_ahead;
+};
+
 /// Base of the collision algorithms of this folder. An algorithm is made for bodies `a` and `b`; with `swapped` Bullet
 /// passes them the other way round.
 class ContactAlgorithm : public btCollisionAlgorithm {
@@ -25,6 +34,7 @@ class ContactAlgorithm : public btCollisionAlgorithm {
   }
 
  protected:
+  [[nodiscard]] bool looks_ahead() const { return static_cast<const Dispatcher*>(m_dispatcher)->looks_ahead; }
   /// Bodies `a` and `b`.
   [[nodiscard]] std::pair<const btCollisionObject&, const btCollisionObject&> ordered(
       const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second) const {

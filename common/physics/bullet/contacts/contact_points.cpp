@@ -28,8 +28,12 @@ std::span<const LastPoint> ManifoldWriter::take(std::array<LastPoint, kMostPoint
 void ManifoldWriter::put(const Points& found, const btCollisionObject& first, const btCollisionObject& second,
                          btScalar farthest) {
   const btTransform &pose_a = owner_of(first).getWorldTransform(), &pose_b = owner_of(second).getWorldTransform();
-  const btScalar friction = first.getFriction() * second.getFriction();
-  const btScalar restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
+  btScalar friction = first.getFriction() * second.getFriction();
+  btScalar restitution = btManifoldResult::calculateCombinedRestitution(&first, &second);
+  if (const auto own = own_material(first, second)) {
+    friction = scalar(own->friction);
+    restitution = scalar(own->restitution);
+  }
   btVector3 lateral_1, lateral_2;
   btPlaneSpace1(found.normal, lateral_1, lateral_2);
   for (std::size_t i = 0; i < found.count; ++i) {
@@ -105,6 +109,20 @@ void ManifoldWriter::go_on_from(std::span<const LastPoint> old) {
     }
     if (from) take(i, *from);
   }
+}
+
+Contact contact_of(const btRigidBody& a, const btRigidBody& b, const btManifoldPoint& point, double sign) {
+  Contact contact;
+  contact.a = BodyId{static_cast<std::uint32_t>(a.getUserIndex())};
+  contact.b = BodyId{static_cast<std::uint32_t>(b.getUserIndex())};
+  const btVector3& on_b = sign > 0.0 ? point.getPositionWorldOnB() : point.getPositionWorldOnA();
+  contact.point = from_bullet(on_b);
+  contact.normal = sign * from_bullet(point.m_normalWorldOnB);
+  contact.distance = point.getDistance();
+  contact.normal_impulse = point.m_appliedImpulse;
+  contact.tangential_impulse = sign * from_bullet(point.m_appliedImpulseLateral1 * point.m_lateralFrictionDir1 +
+                                                  point.m_appliedImpulseLateral2 * point.m_lateralFrictionDir2);
+  return contact;
 }
 
 }  // namespace subworld::bullet

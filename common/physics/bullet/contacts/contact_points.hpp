@@ -1,7 +1,10 @@
 #pragma once
 
+#include "model/contact.hpp"
+
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
+#include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include <array>
 #include <cstddef>
@@ -77,6 +80,9 @@ struct LastPoint {
   int life_time;
   LastPart last_part;
 };
+
+/// A point of two bodies as the engine reports it. `sign`: 1, or -1 where a is the second body of the manifold.
+[[nodiscard]] Contact contact_of(const btRigidBody& a, const btRigidBody& b, const btManifoldPoint& point, double sign);
 
 /// Fills a manifold with the points of this step, which continue with the impulses of the previous step.
 class ManifoldWriter {

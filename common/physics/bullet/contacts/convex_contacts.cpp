@@ -18,6 +18,11 @@ class ConvexAlgorithm : public OneManifold {
         pair_(a, b) {}
 
  protected:
+  /// Reach in this step of `dt` for bodies that are not fast.
+  [[nodiscard]] double reach_now(const btCollisionObject& a, const btCollisionObject& b, double way, double dt) const {
+    return looks_ahead() && way == 0.0 ? std::max(reach_, pair_.motion(a, b, dt)) : reach_;
+  }
+
   double reach_;  ///< there are no points beyond this distance, m
   btScalar same_;
   FastPair pair_;
@@ -33,8 +38,8 @@ class ConvexConvex final : public ConvexAlgorithm {
     const auto [a, b] = ordered(first, second);
     const btVector3& origin = b.getWorldTransform().getOrigin();
     const Placed at_a = placed(a, origin), at_b = placed(b, origin);
-    Patch patch = touch(at_a, at_b, reach_, kFine * reach_, memory_);
     const double way = pair_.way(a, b, info.m_timeStep);
+    Patch patch = touch(at_a, at_b, reach_now(a, b, way, info.m_timeStep), kFine * reach_, memory_);
     if (way > reach_) {
       if (patch.count == 0) return look_ahead(*manifold_, a, b, way, info.m_timeStep);
       patch = touch(at_a, at_b, way, kFine * reach_, memory_);
@@ -56,7 +61,8 @@ class ConvexPlane final : public ConvexAlgorithm {
     const btVector3 normal = pose.getBasis() * plane.getPlaneNormal();
     const btVector3& origin = a.getWorldTransform().getOrigin();
     const double offset = plane.getPlaneConstant() - normal.dot(origin - pose.getOrigin());
-    const double reach = std::max(reach_, pair_.way(a, b, info.m_timeStep));
+    const double way = pair_.way(a, b, info.m_timeStep);
+    const double reach = std::max(reach_now(a, b, way, info.m_timeStep), way);
     const Patch patch = touch_plane(placed(a, origin), from_bullet(normal), offset, reach, kFine * reach_, memory_);
     if (patch.count == 0 && manifold_->getNumContacts() == 0) return;
     Points points = in_world(patch, origin);

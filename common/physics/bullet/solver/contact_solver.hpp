@@ -2,6 +2,7 @@
 
 #include "physics/bullet/solver/contact_rows.hpp"
 #include "physics/bullet/solver/group_solver.hpp"
+#include "physics/bullet/solver/turning_friction.hpp"
 
 #include <btBulletDynamicsCommon.h>
 
@@ -71,8 +72,9 @@ class ContactSolver final : public GroupSolver {
   void prepare_normal(const btManifoldPoint& point, const Both3& arm, const Pair& pair, const PairState& before,
                       const btContactSolverInfo& info);
   static void set_tangents(btManifoldPoint& point);
-  void prepare_friction(const btManifoldPoint& point, const Both3& arm, const PairState& before, btScalar relaxation,
-                        Friction& friction);
+  /// `sliding`: of the surfaces, m/s.
+  void prepare_friction(const btManifoldPoint& point, const Both3& arm, const PairState& before,
+                        const btVector3& sliding, btScalar relaxation, Friction& friction);
   void start_from_last_friction(btScalar part);
 
   /// Whether iterations over the normals still change anything.
@@ -81,9 +83,12 @@ class ContactSolver final : public GroupSolver {
     bool impulses = true;
   };
   Active solve_normals(Active active);
+  void prepare_joints(btScalar dt);
   void iterate(int most, Active active);
   void limit_bounces(int most);
   void solve_friction();
+  /// One iteration over a pair's friction. Returns whether it did anything.
+  bool rub(const Pair& pair, BothMotion& motion);
 
   void write_impulses() const;
   void write_motions(const btContactSolverInfo& info);
@@ -95,6 +100,7 @@ class ContactSolver final : public GroupSolver {
   std::vector<Normal> normals_;
   std::vector<Friction> frictions_;  ///< of normals_[i]
   std::vector<Push> pushes_;         ///< of normals_[i]
+  TurningFriction turning_;
   btScalar friction_forgotten_s_ = 0;
   btScalar friction_relaxation_ = 1;
 };

@@ -1,0 +1,24 @@
+#include "model/places.hpp"
+
+#include <system_error>
+
+namespace subworld {
+
+namespace fs = std::filesystem;
+
+fs::path program_folder() {
+  std::error_code ignored;
+  return fs::read_symlink("/proc/self/exe", ignored).parent_path();
+}
+
+fs::path data_folder(std::string_view name) {
+  std::error_code unreadable;
+  for (fs::path above = program_folder(); above.has_relative_path(); above = above.parent_path()) {
+    for (const char* place : {"share/subworld", "deploy"}) {
+      if (fs::path folder = above / place / name; fs::is_directory(folder, unreadable)) return folder;
+    }
+  }
+  return {};
+}
+
+}  // namespace subworld

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <filesystem>
+#include <string_view>
+
+namespace subworld {
+
+/// The folder of this program. Beside it lie the programs that it starts, the plug-ins and the vendors' settings; in a
+/// build it is `bin`, installed it is `lib/subworld`.
+[[nodiscard]] std::filesystem::path program_folder();
+
+/// The folder of `scenes` or `sessions`: `share/subworld/NAME` of an installation or `deploy/NAME` of a checkout, the
+/// nearest above this program. Empty if there is none.
+[[nodiscard]] std::filesystem::path data_folder(std::string_view name);
+
+}  // namespace subworld
