@@ -31,11 +31,11 @@ CycleCost CyclePlan::cost(const CycleLoad& load) const {
   };
 }
 
-int CyclePlan::substeps(std::uint64_t stamp, int present, double longest_s, bool touches, const CycleLoad& load) const {
+int CyclePlan::substeps(std::uint64_t stamp, int present, double longest_s, bool divides, const CycleLoad& load) const {
   // A scheme that minds the world's step minds what the engine makes of it.
   const double for_scheme_s = scheme_.properties.longest_world_step_s;
   const double most_s =
-      std::isfinite(for_scheme_s) ? std::min(touches ? for_scheme_s : longest_s, longest_s) : for_scheme_s;
+      std::isfinite(for_scheme_s) ? std::min(divides ? for_scheme_s : longest_s, longest_s) : for_scheme_s;
   const auto lead = static_cast<std::uint64_t>(scheme_.properties.lead_cycles);
   return ratio_control_.choose_substeps(present, cycle_s(stamp), most_s, cycle_s(stamp + lead), cost(load));
 }

@@ -26,9 +26,9 @@ class CyclePlan {
 
   /// The world goes on at a stamp that is `step` haptic steps after t = 0.
   void resume(std::uint64_t stamp, std::uint64_t step, int ratio, const RatioChange& planned);
-  /// Sub-steps of the cycle that begins at a stamp, after one of `present`. `longest_s`: step of the engine. `touches`:
-  /// an operator may touch something.
-  [[nodiscard]] int substeps(std::uint64_t stamp, int present, double longest_s, bool touches,
+  /// Sub-steps of the cycle that begins at a stamp, after one of `present`. `longest_s`: step of the engine. `divides`:
+  /// what operators do is passed on between steps.
+  [[nodiscard]] int substeps(std::uint64_t stamp, int present, double longest_s, bool divides,
                              const CycleLoad& load) const;
   /// Whether the ratio of a later cycle is to be chosen at this stamp.
   [[nodiscard]] bool is_due(std::uint64_t stamp) const noexcept {

@@ -135,16 +135,8 @@ bool World::exchange_engine(EngineExchange& exchange) {
 
 void World::begin_cycle() {
   facts_.cycle_s = plan_.cycle_s(facts_.stamp);
-  facts_.substeps =
-      plan_.substeps(facts_.stamp, facts_.substeps, engine_.capabilities().longest_step_s, may_touch(), load());
-}
-
-bool World::may_touch() const {
-  if (!scheme_.properties.has_sub_worlds) return true;
-  for (std::size_t u = 0; u < links_.size(); ++u) {
-    if (frames_.membership(u).members.size() > 1) return true;
-  }
-  return false;
+  const Capabilities can = engine_.capabilities();
+  facts_.substeps = plan_.substeps(facts_.stamp, facts_.substeps, can.longest_step_s, !can.drives_inside, load());
 }
 
 bool World::receive(HapticReport&& report) {
@@ -187,9 +179,13 @@ void World::apply(std::size_t user, const HapticReport& report) {
 void World::simulate_cycle() {
   const double dt = facts_.cycle_s / facts_.substeps;
   pass_impulses();
+  driven_.clear();
+  for (const UserLink& link : links_) {
+    if (link.holds() || link.drives()) driven_.push_back(link.spec().proxy);
+  }
   for (int i = 0; i < facts_.substeps; ++i) {
-    drive_proxies(facts_.time_s + (i + 1) * dt, dt);
-    engine_.step(dt);
+    const double begin_s = facts_.time_s + i * dt;
+    engine_.step_driven(dt, driven_, [&](double until_s, double h) { drive_proxies(begin_s + until_s, h); });
     contacts_.add(i, facts_.substeps);
     break_joints(dt);
   }

@@ -122,9 +122,6 @@ class World {
   void set_stamp(std::uint64_t stamp) noexcept;
   [[nodiscard]] CycleLoad load() const { return {engine_.awake().size(), contacts_.all().size()}; }
   void begin_cycle();
-  /// Whether something beside the proxy is in a sub-world. Only an operator's push needs sub-steps in an engine that
-  /// divides its own step.
-  [[nodiscard]] bool may_touch() const;
   /// Lets sleep what rests and wakes what may be reached before the next look, after `dt` of simulation.
   void rest(double dt);
   void simulate_cycle();
@@ -140,6 +137,7 @@ class World {
   RestingEngine engine_;
   std::vector<UserLink> links_;   ///< by user
   std::vector<RatedTool> tools_;  ///< by user, at the rate of the haptic clock in the cycle that the world simulates
+  std::vector<BodyId> driven_;    ///< proxies that are held or follow reports
   WorldFacts facts_;              ///< the length and sub-steps of the cycle under way while there is one
   CyclePlan plan_;
   CycleContacts contacts_;

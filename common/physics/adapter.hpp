@@ -123,6 +123,10 @@ class Adapter : public Engine {
     std::erase(movable_, index(id));
     contacts_.clear();
   }
+  void remove_all(std::span<const BodyId> ids) final {
+    if (ids.size() > 1) part(ids);
+    for (const BodyId id : ids) remove(id);
+  }
   bool contains(BodyId id) const noexcept final { return index(id) < slots_.size() && slots_[index(id)].used; }
 
   bool set_state(BodyId id, const BodyState& state) final {
@@ -210,6 +214,8 @@ class Adapter : public Engine {
   /// Makes the body in the engine, in its state. If it throws, nothing is added.
   virtual void create(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) = 0;
   virtual void destroy(Slot& slot) = 0;
+  /// Called before several bodies are removed.
+  virtual void part(std::span<const BodyId>) {}
   virtual void place(Slot& slot, const BodyState& state) = 0;
   virtual void put_velocity(Slot& slot, const Vec3& linear, const Vec3& angular) = 0;
   /// This and the next function: for movable bodies only.

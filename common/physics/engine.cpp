@@ -59,7 +59,8 @@ const EnginePlugin& engine_plugin(std::string_view name) {
 StepCost EngineCost::step(double dt) const noexcept {
   const double count = substep_count(dt, substeps, longest_substep_s);
   const double each = iteration_count(dt / count, iterations, least_iterations, longest_iteration_s);
-  return {count * substep.step_s, count * substep.body_s, count * (substep.contact_s + each * contact_iteration_s)};
+  const double shared = count * (1.0 - parallel_ratio + parallel_ratio / threads);
+  return {count * substep.step_s, shared * substep.body_s, shared * (substep.contact_s + each * contact_iteration_s)};
 }
 
 EngineCost engine_cost(const EngineSettings& settings) {
@@ -72,7 +73,9 @@ EngineCost engine_cost(const EngineSettings& settings) {
           .longest_substep_s = settings.longest_substep_s.value_or(preset.longest_substep_s),
           .iterations = settings.iterations,
           .least_iterations = preset.iterations,
-          .longest_iteration_s = preset.longest_iteration_s};
+          .longest_iteration_s = preset.longest_iteration_s,
+          .parallel_ratio = preset.parallel_ratio,
+          .threads = settings.threads.value_or(1)};
 }
 
 std::unique_ptr<Engine> make_engine(const EngineSettings& settings, std::span<const Mesh> meshes) {

@@ -19,6 +19,10 @@ namespace subworld {
 /// How well an engine supports a feature of the interface.
 enum class Fidelity : std::uint8_t { absent, estimated, exact };
 
+/// Called before each part of a step, `h` (s) long, that ends `until_s` after the step began. It may read the driven
+/// bodies, set their velocities and inertia and apply forces for this part. It must not change anything else.
+using StepDrive = std::function<void(double until_s, double h)>;
+
 struct Capabilities {
   Fidelity normal_impulse = Fidelity::absent;
   Fidelity tangential_impulse = Fidelity::absent;
@@ -29,6 +33,7 @@ struct Capabilities {
   double precision = 1e-15;                ///< relative, of the engine's numbers
   /// Longest step (s) at which friction in a pushed row agrees with the engine's own short steps to a few per cent.
   double longest_step_s = 0.005;
+  bool drives_inside = false;  ///< step_driven() drives its bodies in parts of a step, so that a long step is enough
 };
 
 enum class Role : std::uint8_t {
@@ -63,6 +68,10 @@ class Engine {
   void add(const Body& body, const BodyState& state) { add(body, state, Role::body); }
   /// Removes a body and its contacts.
   virtual void remove(BodyId id) = 0;
+  /// The same for each of these, in less time.
+  virtual void remove_all(std::span<const BodyId> ids) {
+    for (const BodyId id : ids) remove(id);
+  }
   [[nodiscard]] virtual bool contains(BodyId id) const noexcept = 0;
 
   [[nodiscard]] virtual BodyState state(BodyId id) const = 0;
@@ -82,6 +91,11 @@ class Engine {
 
   /// Advances by dt (s). Contacts are totals over the whole step, sub-steps included.
   virtual void step(double dt) = 0;
+  /// The same, with bodies that a function drives.
+  virtual void step_driven(double dt, std::span<const BodyId> /*driven*/, const StepDrive& drive) {
+    drive(dt, dt);
+    step(dt);
+  }
   /// From now on step() and contacts_with_friction() add their CPU times to `times`; null: no longer. All zero: the
   /// engine does not report them.
   virtual void time_parts(EngineTimes* times) noexcept { clock_.follow(times); }
@@ -130,6 +144,8 @@ struct EngineCost {
   std::optional<int> iterations;  ///< of a sub-step; none: as many as the following two members require
   int least_iterations = 0;
   double longest_iteration_s = 0.0;
+  double parallel_ratio = 0.0;  ///< share of the time which threads divide among them
+  int threads = 1;
 
   [[nodiscard]] StepCost step(double dt) const noexcept;
 };

@@ -34,6 +34,7 @@ struct EnginePreset {
   /// If each iteration is a time step of its own.
   double longest_iteration_s = std::numeric_limits<double>::infinity();
   SubstepCost cost = {};
+  double parallel_ratio = 0.0;  ///< share of that time which threads divide among them
   HeavyOnLight heavy_on_light = {};
 };
 
@@ -73,7 +74,7 @@ struct EnginePlugin {
 [[nodiscard]] int iteration_count(double h, std::optional<int> fixed, int least, double longest_s) noexcept;
 
 /// Changes whenever a type changes that a program and an engine's library share.
-inline constexpr int kEnginePluginInterface = 8;
+inline constexpr int kEnginePluginInterface = 9;
 
 }  // namespace subworld
 

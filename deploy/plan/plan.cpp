@@ -60,12 +60,23 @@ std::size_t movable_bodies(const Scene& scene) {
   return static_cast<std::size_t>(std::ranges::count_if(scene.bodies, [](const Body& b) { return !b.fixed(); }));
 }
 
-/// Time of the engine in a cycle by its published costs, in as many sub-steps as the scheme requests, s.
-double cycle_cost_s(const Settings& settings, double cycle_s, std::size_t bodies, std::size_t contacts) {
-  const double longest_s = scheme_of(settings).properties.longest_world_step_s;
-  const double substeps = std::max(1.0, std::ceil(cycle_s / longest_s - 1e-9));
-  return substeps * engine_cost(settings.world).step(cycle_s / substeps).of(bodies, contacts);
-}
+/// An engine of the world by its published costs.
+struct WorldEngine {
+  EngineCost cost;
+  double longest_s;  ///< of its steps
+
+  WorldEngine(const Scene& scene, const EngineSettings& settings) : cost(engine_cost(settings)) {
+    const auto engine = make_engine(settings, {});
+    engine->set_joints(scene.joints);
+    const Capabilities can = engine->capabilities();
+    longest_s = can.drives_inside ? can.longest_step_s : scheme_of(scene.settings).properties.longest_world_step_s;
+  }
+  /// In a cycle, s.
+  [[nodiscard]] double cycle_s(double cycle_s, std::size_t bodies, std::size_t contacts) const {
+    const double steps = std::max(1.0, std::ceil(cycle_s / longest_s - 1e-9));
+    return steps * cost.step(cycle_s / steps).of(bodies, contacts);
+  }
+};
 
 /// The saving of an optimisation by the published costs of the engine; empty: not published.
 std::string estimate(const Scene& scene, Optimisation optimisation) {
@@ -73,19 +84,40 @@ std::string estimate(const Scene& scene, Optimisation optimisation) {
   const Settings& s = scene.settings;
   const std::size_t movable = movable_bodies(scene);
   const auto proxies = static_cast<std::size_t>(s.users);
+  const WorldEngine engine(scene, s.world);
   const auto cost_ms = [&](std::size_t bodies, std::size_t contacts) {
-    return 1e3 * cycle_cost_s(s, s.shortest_cycle_s(), bodies, contacts);
+    return 1e3 * engine.cycle_s(s.shortest_cycle_s(), bodies, contacts);
   };
   return fmt::format(" (the engine takes {} ms a cycle while all bodies move, and {} ms when all rest)",
                      short_text(cost_ms(movable, kContacts * movable)), short_text(cost_ms(proxies, 0)));
 }
 
+constexpr double kRoom = 0.7;  ///< of a cycle, for the engine
+
+/// Ways to the real-time factor 1 with cycles of this length, the nearest first.
+std::string faster_engines(const Scene& scene, double cycle_s, std::size_t bodies) {
+  constexpr int kMostThreads = 8;
+  EngineSettings large = scene.settings.world;
+  large.change_to("bullet_float", "large");
+  for (const EngineSettings& settings : {scene.settings.world, large}) {
+    WorldEngine engine(scene, settings);
+    for (engine.cost.threads = 1; engine.cost.threads <= kMostThreads; engine.cost.threads *= 2) {
+      if (engine.cycle_s(cycle_s, bodies, kContacts * bodies) > kRoom * cycle_s) continue;
+      std::string flags = fmt::format("--engine {} --set world.preset={}", settings.name, settings.preset);
+      if (engine.cost.threads > 1)
+        flags += fmt::format(" and --world-threads {0}, on a machine with more than {0} cores", engine.cost.threads);
+      return "choose " + flags;
+    }
+  }
+  return "fewer bodies are real time";
+}
+
 /// Other choices, by the published costs of the engine while all bodies move.
 std::vector<std::string> advice(const Scene& scene) {
-  constexpr double kRoom = 0.7;  // of a cycle, for the engine
   const Settings& s = scene.settings;
   const std::size_t movable = movable_bodies(scene);
-  const auto step_s = [&](double cycle_s) { return cycle_cost_s(s, cycle_s, movable, kContacts * movable); };
+  const WorldEngine engine(scene, s.world);
+  const auto step_s = [&](double cycle_s) { return engine.cycle_s(cycle_s, movable, kContacts * movable); };
   const double longest_s = s.longest_cycle_s();
   if (step_s(longest_s) <= kRoom * longest_s) return {};
   const std::string problem = fmt::format("while all bodies move, the engine takes about {} ms of cycles of {:g} ms",
@@ -93,11 +125,10 @@ std::vector<std::string> advice(const Scene& scene) {
   int ratio = s.largest_ratio();
   while (ratio <= kMostRatio && step_s(ratio * s.h_s) > kRoom * ratio * s.h_s) ++ratio;
   constexpr double kLongest_s = 0.05;  // beyond it, the operator feels the delay of the world
-  return {ratio * s.h_s > kLongest_s
-              ? problem +
-                    ": in real time its clock slows until most of them rest; choose a faster "
-                    "engine or preset (large of bullet_float is for such worlds), or fewer bodies"
-              : fmt::format("{}: for real time choose --ratio {}-{}", problem, s.ratio, ratio)};
+  if (ratio * s.h_s <= kLongest_s)
+    return {fmt::format("{}: for real time choose --ratio {}-{}", problem, s.ratio, ratio)};
+  return {fmt::format("{}: in real time its clock slows to about {:.2g} until most of them rest; {}", problem,
+                      std::min(1.0, kRoom * longest_s / step_s(longest_s)), faster_engines(scene, longest_s, movable))};
 }
 
 /// A feature that costs something, in use or saved.

@@ -2,12 +2,14 @@
 
 #include "io/options/options.hpp"
 #include "model/joined.hpp"
+#include "physics/engine.hpp"
 #include "rt/scheduling.hpp"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
@@ -17,6 +19,9 @@ namespace {
 
 /// Room for the nearest members, however many users there are.
 constexpr double kLeastBudget = 0.02;
+
+/// Of a world's engine, if nobody asks for more: a step's serial part is half of it.
+constexpr int kMostThreads = 8;
 
 /// What each user's programs take of a core beside the simulation. Fitted to runs with 1 to 8 users on an AMD EPYC: a
 /// haptic step, a device step and their messages, and the state of the device for each peer.
@@ -31,9 +36,15 @@ Placement place(const Scene& scene, std::span<const int> cores) {
   if (scene.settings.mode != Mode::realtime || cores.size() < 2) return {};
   double wanted = 0.0;
   for (const UserSpec& user : scene.users) wanted += 0.5 * user.budget_ratio + core_share(scene);
-  const std::span<const int> others = cores.first(cores.size() - 1);
-  if (wanted > static_cast<double>(others.size())) return {};
-  return {.world = {cores.back()}, .others = {others.begin(), others.end()}};
+  if (wanted > static_cast<double>(cores.size() - 1)) return {};
+  // An engine that shares its steps gets what the others leave.
+  const EngineSettings& engine = scene.settings.world;
+  const auto most =
+      static_cast<std::size_t>(engine.threads.value_or(engine_cost(engine).parallel_ratio > 0.0 ? kMostThreads : 1));
+  const auto needed = static_cast<std::size_t>(std::max(1.0, std::ceil(wanted)));
+  const std::span<const int> world = cores.last(std::clamp<std::size_t>(cores.size() - needed, 1, most));
+  const std::span<const int> left = cores.first(cores.size() - world.size());
+  return {.world = {world.begin(), world.end()}, .others = {left.begin(), left.end()}};
 }
 
 double budget_limit_ratio(const Scene& scene, std::size_t cores) {
@@ -74,6 +85,12 @@ void share_cores(Options& options, Scene& scene) {
   if (flag_of(options, "users.budget_ratio").empty()) return;
   fmt::print("subworld: {} users share {} core{}: budget_ratio at most {:.2g} (--set users.budget_ratio sets it)\n",
              scene.users.size(), cores, cores == 1 ? "" : "s", most);
+}
+
+void share_steps(Options& options, Scene& scene, const Placement& placement) {
+  if (scene.settings.world.threads || placement.world.size() < 2) return;
+  scene.settings.world.threads = static_cast<int>(placement.world.size());
+  change(options, "world.threads", fmt::format("{}", placement.world.size()));
 }
 
 bool is_placed_by_hand(const std::string& program) {

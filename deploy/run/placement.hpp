@@ -25,9 +25,10 @@ struct Placement {
   }
 };
 
-/// A core of its own for the world, in real time. The world computes for milliseconds at a time, and loops with a
-/// higher priority that share its core pre-empt it in each of their periods. Nothing is placed where the other cores
-/// have less room than the users' programs need; their loops use half of their budgets on average.
+/// A core of its own for the world, in real time; several where its engine shares its steps. The world computes for
+/// milliseconds at a time, and loops with a higher priority that share its core pre-empt it in each of their periods.
+/// Nothing is placed where the other cores have less room than the users' programs need; their loops use half of their
+/// budgets on average.
 [[nodiscard]] Placement place(const Scene& scene, std::span<const int> cores);
 
 /// Largest budget of a user's haptic step in real time, as a part of it, where all programs share `cores` cores: half
@@ -37,6 +38,9 @@ struct Placement {
 
 /// Lowers the users' budgets to what the cores have left, where they are the scene's.
 void share_cores(Options& options, Scene& scene);
+
+/// As many threads of the world's engine as it has cores of its own, where the scene names none.
+void share_steps(Options& options, Scene& scene, const Placement& placement);
 
 /// How late this machine wakes bare loops. Takes a tenth of the run, at most a second, before any program of the run
 /// starts.

@@ -168,6 +168,7 @@ class Run {
     // Of several runs at a time only the first is placed: two worlds must not share one core.
     const int error = request_.place ? cores_claim_.take_file(kCoresLock) : EWOULDBLOCK;
     if (error == 0) plan_.placement = run_.placement = place(run_.scene, allowed_cores());
+    share_steps(request_.options, run_.scene, run_.placement);
     if (error != 0 && error != EWOULDBLOCK)
       fmt::print(
           "subworld: warning: the programs get no cores of their own: {}/{}.lock: {}; set TMPDIR to a folder of "

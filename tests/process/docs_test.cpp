@@ -91,6 +91,7 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
     }
     if (command == "run") {
       set_flag(words, "--duration", "0.2");
+      words.insert(words.end(), {"--set", "settle.duration_s=0.2"});
       set_flag(words, "--out", out());
       set_flag(words, "--domain", domain_.text());
       if (std::ranges::find(words, "--resume") != words.end()) {  // what the command before it has left

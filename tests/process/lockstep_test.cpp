@@ -106,15 +106,18 @@ TEST_P(LockStep, GivesOneResultWhateverTheVendor) {
 }
 
 const std::vector<Case> kCases{
-    {"heap", "heap", {"--ratio", "8"}, 1, true, 8},
-    {"heap_two_users", "heap", {"--users", "2", "--ratio", "8"}, 2, true, 8},
+    {"heap", "heap", {"--ratio", "8", "--set", "settle.duration_s=1"}, 1, true, 8},
+    {"heap_two_users", "heap", {"--users", "2", "--ratio", "8", "--set", "settle.duration_s=1"}, 2, true, 8},
     {"row", "row", {}, 1, true, 4},
     {"row_deadband", "row", {"--set", "deadband=0.1"}, 1, true, 4},
     {"row_adaptive", "row", {"--ratio", "4-10"}, 1, true, 4},
     {"row_adaptive_late", "row", {"--ratio", "4-10", "--latency", "0.02"}, 1, true, 24},
     {"row_late", "row", {"--latency", "0.02"}, 1, true, 24},
     {"row_paper_late", "row", {"--scheme", "paper", "--latency", "0.02"}, 1, true, 10},
-    {"heap_two_users_paper", "heap", {"--users", "2", "--scheme", "paper", "--ratio", "8"}, 2},
+    {"heap_two_users_paper",
+     "heap",
+     {"--users", "2", "--scheme", "paper", "--ratio", "8", "--set", "settle.duration_s=1"},
+     2},
     {"row_direct", "row", {"--scheme", "direct"}, 1, false},
     {"press_direct", "press", {"--scheme", "direct"}, 1, false}};
 /// With one vendor after the first one, in turn, or with the others.

@@ -129,6 +129,7 @@ struct EngineSettings {
   std::optional<int> substeps;
   std::optional<double> longest_substep_s;  ///< s, overrides the preset: the engine divides its steps by it
   Vec3 gravity{0.0, 0.0, -9.81};            ///< m/s^2
+  std::optional<int> threads;               ///< that share a step; none: 1. Some engines use one only
   double length_unit_m = 1.0;           ///< length unit of the engine; some engines need a smaller one for small bodies
   Disabled disabled = kDisableNothing;  ///< as in Settings
   std::vector<MaterialPair> pairs;      ///< of the scene

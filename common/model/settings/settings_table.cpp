@@ -200,6 +200,8 @@ const std::vector<Setting> kSettings{
     {"world.longest_substep_s", RUN(world.longest_substep_s), kSubStep,
      "the engine divides its steps until none is longer", kOfWorld, "", kOfPreset},
     {"world.length_unit_m", RUN(world.length_unit_m), kMetres, "unit of length in which the engine computes", kOfWorld},
+    {"world.threads", RUN(world.threads), Limits{1, 256}, "threads that share a step, in Bullet's preset large",
+     kOfWorld, "--world-threads", "1, or the cores of the world"},
     {"haptic.engine", RUN(haptic.name), kAny, "physics engine of the sub-worlds", kHaptic, "--haptic-engine", "",
      read_engine<&S::haptic, &Engine::name>},
     {"haptic.preset", RUN(haptic.preset), kAny, "settings that the engine brings: fast, quality, or large (Bullet)",

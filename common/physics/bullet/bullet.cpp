@@ -2,13 +2,11 @@
 #include "physics/bullet/contacts/box_box.hpp"
 #include "physics/bullet/contacts/box_plane.hpp"
 #include "physics/bullet/contacts/convex_contacts.hpp"
-#include "physics/bullet/parts.hpp"
 #include "physics/bullet/presets.hpp"
-#include "physics/bullet/shapes.hpp"
+#include "physics/bullet/slot.hpp"
 #include "physics/bullet/small_steps.hpp"
 #include "physics/bullet/solver/contact_solver.hpp"
 #include "physics/bullet/solver/joint_set.hpp"
-#include "physics/gyroscope.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -44,19 +42,11 @@ extern const EnginePlugin kPlugin;
 /// Forces the compiler to emit this library's own copies of Bullet's shared static objects (see CMakeLists.txt).
 [[gnu::used]] const void* const kOwnStatics[] = {&btTransform::getIdentity(), &btMatrix3x3::getIdentity()};
 
-constexpr double kStraightTurn_rad = 0.15;  ///< a smaller turn in a step is almost straight
-constexpr double kSlender = 2.0;            ///< way of the farthest point over the radius inside the shape
 constexpr int kMostParts = 16;
 /// The tree of bounds waits while a body moves within this share of its size, not within Bullet's own 5 cm.
 constexpr double kTreeMarginRatio = 0.05;
 
-struct Slot : AdapterSlot {
-  std::unique_ptr<btRigidBody> body;
-  std::unique_ptr<bullet::Parts> parts;  ///< of a compound body
-  std::unique_ptr<bullet::Surface> surface;
-  bool gyroscopic = false;
-  FreeTurn turn;
-};
+using bullet::Slot;
 
 class Bullet final : public Adapter<Slot> {
  public:
@@ -66,9 +56,11 @@ class Bullet final : public Adapter<Slot> {
         fixed_iterations_(settings.iterations),
         pairs_(settings.pairs),
         shapes_(meshes),
+        workers_(values_.ahead_s > 0.0 ? settings.threads.value_or(1) : 1),
         configuration_(bullet::collision_settings()),
-        dispatcher_(&configuration_, values_.ahead_s > 0.0),
-        world_(&dispatcher_, &broadphase_, chosen_solver(), &configuration_) {
+        dispatcher_(configuration_, values_.ahead_s > 0.0, workers_),
+        small_steps_(workers_),
+        world_(dispatcher_, broadphase_, chosen_solver(), configuration_, workers_) {
     bullet::register_box_box(dispatcher_);
     bullet::register_convex_contacts(dispatcher_);
     // Bullet's list of persistent points suits a solver that starts friction from zero in each step. Small steps need
@@ -101,7 +93,8 @@ class Bullet final : public Adapter<Slot> {
             .checkpoint = Fidelity::estimated,  // poses and velocities; the solver's warm start is not saved
             .deterministic = true,
             .precision = std::numeric_limits<btScalar>::epsilon(),
-            .longest_step_s = values_.ahead_s > 0.0 ? values_.ahead_s : Capabilities{}.longest_step_s};
+            .longest_step_s = values_.ahead_s > 0.0 ? values_.ahead_s : Capabilities{}.longest_step_s,
+            .drives_inside = drives_inside()};
   }
 
   BodyState state(BodyId id) const override {
@@ -114,30 +107,9 @@ class Bullet final : public Adapter<Slot> {
     const double substep = Adapter::integration_substep_s(dt);
     return values_.small_steps ? substep / bullet::SmallStepSolver::step_count(iterations(substep)) : substep;
   }
-  void step(double dt) override {
-    claim_globals();
-    moved_.clear();  // a step begins with updated bounds of all bodies
-    step_in_parts(
-        dt,
-        [this](double h, int number) {
-          for (const std::uint32_t id : movable_) {
-            Slot& slot = slots_[id];
-            slot.body->applyCentralForce(to_bullet(slot.weight + slot.force));
-            if (!slot.torque.isZero(0.0)) slot.body->applyTorque(to_bullet(slot.torque));
-            if (slot.gyroscopic) begin_turn(slot, h);
-            if (slot.parts) slot.parts->follow();
-          }
-          clock_.ends(&EngineTimes::exchange_s);
-          world_.getSolverInfo().m_numIterations = iterations(h);
-          world_.advance(scalar(h));
-          for (const std::uint32_t id : movable_) {
-            if (slots_[id].gyroscopic) end_turn(slots_[id]);
-          }
-          clock_.ends(&EngineTimes::solving_s);
-          collect_contacts(number);
-          clock_.ends(&EngineTimes::exchange_s);
-        },
-        parts_for_spin(dt));
+  void step(double dt) override { advance(dt, {}, {}); }
+  void step_driven(double dt, std::span<const BodyId> driven, const StepDrive& drive) override {
+    drives_inside() ? advance(dt, driven, drive) : Engine::step_driven(dt, driven, drive);
   }
 
   Box bounds(BodyId id) const override { return bounds_of(at(id)); }
@@ -164,6 +136,33 @@ class Bullet final : public Adapter<Slot> {
   }
 
  private:
+  void advance(double dt, std::span<const BodyId> driven, const StepDrive& drive) {
+    claim_globals();
+    moved_.clear();  // a step begins with updated bounds of all bodies
+    step_in_parts(
+        dt,
+        [&](double h, int number) {
+          drive_parts(driven, drive, number * h, h);
+          for (const std::uint32_t id : movable_) {
+            Slot& slot = slots_[id];
+            bullet::put_loads(slot);
+            if (slot.gyroscopic) bullet::begin_turn(slot, h);
+            if (slot.parts) slot.parts->follow();
+          }
+          clock_.ends(&EngineTimes::exchange_s);
+          world_.getSolverInfo().m_numIterations = iterations(h);
+          world_.advance(scalar(h));
+          for (const std::uint32_t id : movable_) {
+            if (slots_[id].gyroscopic) bullet::end_turn(slots_[id]);
+          }
+          clock_.ends(&EngineTimes::solving_s);
+          collect_contacts(number);
+          clock_.ends(&EngineTimes::exchange_s);
+        },
+        std::max(parts_for_spin(dt), parts_for_drive(driven, dt)));
+    small_steps_.driven().bodies.clear();
+  }
+
   void create(Slot& slot, const Body& body, const BodyState& state, const CollisionClass& collides) override {
     claim_globals();
     const btVector3 inertia = body.rotates ? to_bullet(body.inertia) : btVector3(0, 0, 0);
@@ -199,6 +198,13 @@ class Bullet final : public Adapter<Slot> {
     world_.search_again();
     part_from_group(slot, false);
     world_.removeRigidBody(slot.body.get());
+  }
+
+  // Removing a body searches all pairs for its own.
+  void part(std::span<const BodyId> ids) override {
+    for (const BodyId id : ids) at(id).body->setUserIndex2(bullet::kLeaves);
+    world_.left_contacts().keep_leaving(dispatcher_);
+    world_.part_leaving();
   }
 
   void part_from_group(Slot& slot, bool parts) {
@@ -244,9 +250,9 @@ class Bullet final : public Adapter<Slot> {
     return iteration_count(h, fixed_iterations_, preset_.iterations, preset_.longest_iteration_s);
   }
 
-  btConstraintSolver* chosen_solver() {
-    if (values_.small_steps) return &small_steps_;
-    return &solver_;
+  btConstraintSolver& chosen_solver() {
+    if (values_.small_steps) return small_steps_;
+    return solver_;
   }
 
   void claim_globals() const {
@@ -263,31 +269,40 @@ class Bullet final : public Adapter<Slot> {
     moved_.clear();
   }
 
-  /// A slender body that turns fast sweeps around others within a step, which its velocities at one moment do not tell.
   [[nodiscard]] int parts_for_spin(double dt) const {
     double most_rad = 0.0;
-    for (const std::uint32_t id : movable_) {
-      const btRigidBody& body = *slots_[id].body;
-      const double turn_rad = dt * body.getAngularVelocity().length();
-      if (turn_rad <= kStraightTurn_rad) continue;
-      const bullet::Convex& shape = bullet::convex_of(*body.getCollisionShape());
-      if (turn_rad * shape.outer_radius > kSlender * shape.inner_radius) most_rad = std::max(most_rad, turn_rad);
-    }
-    return std::min(kMostParts, static_cast<int>(std::ceil(most_rad / kStraightTurn_rad)));
+    for (const std::uint32_t id : movable_) most_rad = std::max(most_rad, bullet::sweeping_turn(slots_[id], dt));
+    return std::min(kMostParts, static_cast<int>(std::ceil(most_rad / bullet::kStraightTurn_rad)));
   }
 
-  static void begin_turn(Slot& slot, double dt) {
-    const Quat orientation = from_bullet(slot.body->getWorldTransform().getRotation());
-    const Vec3 spin = from_bullet(slot.body->getAngularVelocity());
-    slot.turn = turn_freely(orientation, slot.inertia, spin, dt);
-    slot.body->setAngularVelocity(to_bullet(slot.turn.mean));
+  /// Bodies that are joined are solved mechanism by mechanism.
+  [[nodiscard]] bool drives_inside() const noexcept { return values_.ahead_s > 0.0 && joints_.empty(); }
+  [[nodiscard]] bool drives_inside(std::span<const BodyId> driven) const {
+    return drives_inside() && std::ranges::none_of(driven, [this](BodyId id) { return at(id).gyroscopic; });
   }
-  static void end_turn(Slot& slot) {
-    const Quat orientation = from_bullet(slot.body->getWorldTransform().getRotation());
-    const Vec3 spin = from_bullet(slot.body->getAngularVelocity());
-    slot.body->setAngularVelocity(to_bullet(slot.turn.end(orientation, spin)));
+  [[nodiscard]] int parts_for_drive(std::span<const BodyId> driven, double dt) const {
+    if (driven.empty() || drives_inside(driven)) return 1;
+    return static_cast<int>(std::ceil(dt / Capabilities{}.longest_step_s));
   }
-
+  /// Drives the bodies for a sub-step of `h` that begins at `since_s`, or for each of its small steps.
+  void drive_parts(std::span<const BodyId> driven, const StepDrive& drive, double since_s, double h) {
+    small_steps_.driven().bodies.clear();
+    if (driven.empty()) return;
+    const bool inside = drives_inside(driven);
+    driving_ = {driven, &drive, since_s, inside ? h / bullet::SmallStepSolver::step_count(iterations(h)) : h};
+    drive_part(0);
+    if (!inside) return;
+    for (const BodyId id : driven) small_steps_.driven().bodies.push_back(at(id).body.get());
+    small_steps_.driven().drive = [this](int small_step) {
+      drive_part(small_step);
+      for (const BodyId id : driving_.bodies) bullet::put_loads(at(id));
+    };
+  }
+  void drive_part(int part) {
+    const auto& [bodies, drive, since_s, part_s] = driving_;
+    for (const BodyId id : bodies) at(id).force = at(id).torque = Vec3::Zero();
+    (*drive)(since_s + (part + 1) * part_s, part_s);
+  }
   void collect_contacts(int substep) {
     for (int m = 0; m < dispatcher_.getNumManifolds(); ++m) {
       const btPersistentManifold& manifold = *dispatcher_.getManifoldByIndexInternal(m);
@@ -309,6 +324,7 @@ class Bullet final : public Adapter<Slot> {
   std::optional<int> fixed_iterations_;
   const std::vector<MaterialPair> pairs_;
   bullet::ShapeStore shapes_;
+  Workers workers_;
   btDefaultCollisionConfiguration configuration_;
   bullet::Dispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
@@ -316,6 +332,12 @@ class Bullet final : public Adapter<Slot> {
   bullet::SmallStepSolver small_steps_;
   bullet::SmallStepWorld world_;
   bullet::JointSet joint_set_{world_};
+  struct Driving {
+    std::span<const BodyId> bodies;
+    const StepDrive* drive = nullptr;
+    double since_s = 0.0;              ///< beginning of the sub-step
+    double part_s = 0.0;               ///< length of the parts
+  } driving_;                          ///< in the sub-step under way
   mutable std::vector<BodyId> moved_;  ///< set since the last step, not yet in the tree
 };
 

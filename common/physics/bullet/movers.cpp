@@ -2,6 +2,17 @@
 
 namespace subworld::bullet {
 
+Mover make_mover(btRigidBody& body, btScalar dt) {
+  Mover mover;
+  mover.body = &body;
+  mover.inverse_mass = body.getInvMass();
+  mover.immovable = btVector3(mover.inverse_mass, mover.inverse_mass, mover.inverse_mass).fuzzyZero();
+  mover.by_force = body.getTotalForce() * body.getInvMass() * dt;
+  mover.by_torque = body.getTotalTorque() * body.getInvInertiaTensorWorld() * dt;
+  mover.inverse_inertia = body.getInvInertiaTensorWorld();
+  return mover;
+}
+
 void list_movers(std::span<btCollisionObject* const> bodies, btScalar dt, std::vector<Mover>& movers) {
   movers.assign(kFixed + 1, Mover{});
   for (btCollisionObject* object : bodies) {
@@ -9,13 +20,7 @@ void list_movers(std::span<btCollisionObject* const> bodies, btScalar dt, std::v
     object->setCompanionId(-1);
     if (body == nullptr || body->getInvMass() == 0) continue;
     object->setCompanionId(static_cast<int>(movers.size()));
-    Mover& mover = movers.emplace_back();
-    mover.body = body;
-    mover.inverse_mass = body->getInvMass();
-    mover.immovable = btVector3(mover.inverse_mass, mover.inverse_mass, mover.inverse_mass).fuzzyZero();
-    mover.by_force = body->getTotalForce() * body->getInvMass() * dt;
-    mover.by_torque = body->getTotalTorque() * body->getInvInertiaTensorWorld() * dt;
-    mover.inverse_inertia = body->getInvInertiaTensorWorld();
+    movers.push_back(make_mover(*body, dt));
   }
 }
 

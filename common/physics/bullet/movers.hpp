@@ -26,6 +26,8 @@ struct Mover {
 };
 inline constexpr std::size_t kFixed = 0;  ///< index of the mover that represents all fixed bodies
 
+/// The mover of a movable body for a step of `dt` (s).
+[[nodiscard]] Mover make_mover(btRigidBody& body, btScalar dt);
 /// Lists the movable bodies for a step of `dt` (s), and stores its index in each body.
 void list_movers(std::span<btCollisionObject* const> bodies, btScalar dt, std::vector<Mover>& movers);
 /// The stored index.

@@ -25,6 +25,7 @@ inline constexpr EnginePreset kPresets[] = {
      .iterations = 2,
      .longest_iteration_s = 1.05e-3,
      .cost = kLargeCost,
+     .parallel_ratio = 0.5,
      .heavy_on_light = {700, 170}},
 };
 struct PresetValues {

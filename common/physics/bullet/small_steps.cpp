@@ -30,14 +30,42 @@ ContactSpring spring_for(btScalar h) {
   return {w / s, c / (1 + c), 1 / (1 + c), kFastestPush};
 }
 
+/// Of a body that has moved so far in a time `dt`, s.
+btTransform moved_pose(const btRigidBody& body, const Motion& moved, btScalar dt) {
+  btTransform pose;
+  btTransformUtil::integrateTransform(body.getWorldTransform(), vector(moved.linear) / dt, vector(moved.angular) / dt,
+                                      dt, pose);
+  return pose;
+}
+
 bool is_round(const btCollisionObject& object) {
   const btCollisionShape& shape = *object.getCollisionShape();
   return shape.isCompound() || (shape.isConvex() && convex_of(shape).core != Convex::Core::polyhedron);
 }
 
+/// The position and distance of its points, where their bodies are now.
+void follow_bodies(btPersistentManifold& manifold) {
+  const btTransform &a = manifold.getBody0()->getWorldTransform(), &b = manifold.getBody1()->getWorldTransform();
+  for (int i = 0; i < manifold.getNumContacts(); ++i) {
+    btManifoldPoint& point = manifold.getContactPoint(i);
+    point.m_positionWorldOnA = a * point.m_localPointA;
+    point.m_positionWorldOnB = b * point.m_localPointB;
+    point.m_distance1 = (point.m_positionWorldOnA - point.m_positionWorldOnB).dot(point.m_normalWorldOnB);
+  }
+}
+
 }  // namespace
 
-SmallStepSolver::SmallStepSolver(bool long_vectors) : contacts_(long_vectors) {
+template <class Part>
+void SmallStepSolver::for_movers(const Part& part) {
+  constexpr std::size_t kGrain = 256;  // some microseconds
+  workers_.run(movers_.size() - (kFixed + 1), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) part(i + kFixed + 1);
+  });
+}
+
+SmallStepSolver::SmallStepSolver(Workers& workers, bool long_vectors)
+    : workers_(workers), contacts_(workers, long_vectors) {
   for (std::vector<Motion>* motions : {&motions_, &moved_, &before_, &after_, &plastic_})
     motions->reserve(kUsualBodies);
   busy_.reserve(kUsualBodies);
@@ -54,6 +82,7 @@ void SmallStepSolver::solve_group(std::span<btCollisionObject* const> bodies,
 
   const btScalar change = enough();
   for (int i = 0; i < count; ++i) {
+    if (i > 0) drive(i, info);
     add_forces();
     joints_.prepare(constraints_, movers_, moved_, motions_, false, h);
     joints_.start(motions_);
@@ -85,13 +114,42 @@ btScalar SmallStepSolver::enough() const {
   return btMax(kEnough * by_forces, kEnoughOfSpeed * btSqrt(fastest));
 }
 
+void SmallStepSolver::drive(int small_step, const btContactSolverInfo& info) {
+  if (driven_.bodies.empty()) return;
+  const auto set_velocity = [](btRigidBody& body, const Motion& velocity) {
+    body.setLinearVelocity(vector(velocity.linear));
+    body.setAngularVelocity(vector(velocity.angular));
+  };
+  starts_.clear();
+  for (btRigidBody* body : driven_.bodies) {
+    const std::size_t i = mover_of(*body);
+    starts_.push_back(
+        {body->getWorldTransform(), motion_of(movers_[i]), body->getInvMass(), body->getInvInertiaDiagLocal()});
+    body->setWorldTransform(moved_pose(*body, moved_[i], info.m_timeStep));
+    set_velocity(*body, motions_[i]);
+    body->clearForces();
+  }
+  driven_.drive(small_step);
+  for (std::size_t k = 0; k < starts_.size(); ++k) {
+    btRigidBody& body = *driven_.bodies[k];
+    const std::size_t i = mover_of(body);
+    motions_[i] = motion_of(movers_[i]);
+    movers_[i] = make_mover(body, info.m_timeStep / btScalar(step_count(info.m_numIterations)));
+    const Start& start = starts_[k];
+    if (start.inverse_mass != body.getInvMass() || start.inverse_inertia != body.getInvInertiaDiagLocal())
+      contacts_.set_inertia(static_cast<std::uint32_t>(i), movers_);
+    body.setWorldTransform(start.pose);
+    set_velocity(body, start.velocity);
+  }
+}
+
 void SmallStepSolver::add_forces() {
-  for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
+  for_movers([this](std::size_t i) {
     for (int k = 0; k < 3; ++k) {
       motions_[i].linear[k] += movers_[i].by_force[k];
       motions_[i].angular[k] += movers_[i].by_torque[k];
     }
-  }
+  });
 }
 
 template <class Pass>
@@ -117,12 +175,12 @@ void SmallStepSolver::solve(const ContactSpring& spring, int most, btScalar h, b
 }
 
 void SmallStepSolver::move(btScalar h) {
-  for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
+  for_movers([this, h](std::size_t i) {
     for (int k = 0; k < 3; ++k) {
       moved_[i].linear[k] += h * motions_[i].linear[k];
       moved_[i].angular[k] += h * motions_[i].angular[k];
     }
-  }
+  });
   contacts_.follow(moved_);
 }
 
@@ -172,15 +230,23 @@ void SmallStepSolver::bounce(btScalar h, btScalar threshold, btScalar enough) {
 
 void SmallStepSolver::write_motions(const btContactSolverInfo& info) {
   const btScalar dt = info.m_timeStep;
-  for (std::size_t i = kFixed + 1; i < movers_.size(); ++i) {
+  for_movers([this, dt](std::size_t i) {
     btRigidBody& body = *movers_[i].body;
     body.setLinearVelocity(vector(motions_[i].linear));
     body.setAngularVelocity(vector(motions_[i].angular));
     body.setCompanionId(-1);
-    btTransform end;
-    btTransformUtil::integrateTransform(body.getWorldTransform(), vector(moved_[i].linear) / dt,
-                                        vector(moved_[i].angular) / dt, dt, end);
-    body.proceedToTransform(end);
+    body.proceedToTransform(moved_pose(body, moved_[i], dt));
+  });
+}
+
+void SmallStepWorld::part_leaving() {
+  btBroadphasePairArray& pairs = getPairCache()->getOverlappingPairArray();
+  const auto is_leaving = [](const btBroadphaseProxy& proxy) {
+    return leaves(*static_cast<const btCollisionObject*>(proxy.m_clientObject));
+  };
+  for (int i = pairs.size() - 1; i >= 0; --i) {  // the last one takes the place of one that is removed
+    btBroadphaseProxy &a = *pairs[i].m_pProxy0, &b = *pairs[i].m_pProxy1;
+    if (is_leaving(a) || is_leaving(b)) getPairCache()->removeOverlappingPair(&a, &b, getDispatcher());
   }
 }
 
@@ -217,20 +283,14 @@ void SmallStepWorld::search(btScalar ahead) {
 }
 
 void SmallStepWorld::follow(btScalar dt) {
-  for (int m = 0; m < getDispatcher()->getNumManifolds(); ++m) {
-    btPersistentManifold& manifold = *getDispatcher()->getManifoldByIndexInternal(m);
-    const btTransform &a = manifold.getBody0()->getWorldTransform(), &b = manifold.getBody1()->getWorldTransform();
-    for (int i = 0; i < manifold.getNumContacts(); ++i) {
-      btManifoldPoint& point = manifold.getContactPoint(i);
-      point.m_positionWorldOnA = a * point.m_localPointA;
-      point.m_positionWorldOnB = b * point.m_localPointB;
-      point.m_distance1 = (point.m_positionWorldOnA - point.m_positionWorldOnB).dot(point.m_normalWorldOnB);
-    }
-  }
+  constexpr std::size_t kGrain = 128;  // some microseconds
+  btPersistentManifold** const manifolds = getDispatcher()->getInternalManifoldPointer();
+  workers_.run(static_cast<std::size_t>(getDispatcher()->getNumManifolds()), kGrain,
+               [manifolds](std::size_t begin, std::size_t end) {
+                 for (std::size_t m = begin; m < end; ++m) follow_bodies(*manifolds[m]);
+               });
   getDispatchInfo().m_timeStep = dt;
-  auto* const dispatcher = static_cast<btCollisionDispatcher*>(getDispatcher());
-  for (btBroadphasePair* pair : round_pairs_)
-    btCollisionDispatcher::defaultNearCallback(*pair, *dispatcher, getDispatchInfo());
+  static_cast<Dispatcher*>(getDispatcher())->find_contacts(round_pairs_, getDispatchInfo());
 }
 
 void SmallStepWorld::solveConstraints(btContactSolverInfo& info) {

@@ -9,10 +9,19 @@
 #include <btBulletDynamicsCommon.h>
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
 namespace subworld::bullet {
+
+/// Bodies that are driven in each small step.
+struct DrivenBodies {
+  std::vector<btRigidBody*> bodies;
+  /// Called before each small step but the first, with its number. The bodies show their poses and velocities. Their
+  /// new velocities, inertia and forces count, nothing else.
+  std::function<void(int)> drive;
+};
 
 /// Contacts by small steps (Macklin et al. 2019, "Small steps in physics simulation"; Catto 2024, "Solver2D").
 /// Collisions are detected once, then the step is divided into n small steps of length h. In each, every contact is
@@ -34,12 +43,15 @@ namespace subworld::bullet {
 /// m_restitutionVelocityThreshold.
 class SmallStepSolver final : public GroupSolver {
  public:
-  explicit SmallStepSolver(bool long_vectors = ContactBatches::has_long_vectors());
+  /// `workers` must outlive this object.
+  explicit SmallStepSolver(Workers& workers, bool long_vectors = ContactBatches::has_long_vectors());
 
   /// Number of small steps in a step.
   [[nodiscard]] static int step_count(int iterations) { return iterations < 4 ? 1 : iterations / 2; }
   /// Passes over the contacts of a small step at most, as springs and as rigid.
   void set_most_passes(int springs, int rigid) { most_spring_passes_ = springs, most_rigid_passes_ = rigid; }
+  /// Of the next steps. They must be in the world, and the world must not have joints.
+  [[nodiscard]] DrivenBodies& driven() { return driven_; }
 
  private:
   void solve_group(std::span<btCollisionObject* const> bodies, std::span<btPersistentManifold* const> manifolds,
@@ -48,6 +60,7 @@ class SmallStepSolver final : public GroupSolver {
   /// Change of a velocity (m/s) below which no further iteration is needed.
   [[nodiscard]] btScalar enough() const;
 
+  void drive(int small_step, const btContactSolverInfo& info);
   void add_forces();
   void solve(const ContactSpring& spring, int most, btScalar h, btScalar enough);
   void move(btScalar h);
@@ -61,8 +74,20 @@ class SmallStepSolver final : public GroupSolver {
   void until_quiet(int most, btScalar enough, const Pass& contacts);
 
   void write_motions(const btContactSolverInfo& info);
+  /// Calls `part(i)` for each movable mover, in any order.
+  template <class Part>
+  void for_movers(const Part& part);
 
+  Workers& workers_;
   int most_spring_passes_ = 1, most_rigid_passes_ = 1;
+  DrivenBodies driven_;
+  struct Start {
+    btTransform pose;
+    Motion velocity;
+    btScalar inverse_mass;
+    btVector3 inverse_inertia;
+  };
+  std::vector<Start> starts_;  ///< of driven bodies, before they are shown
   ContactBatches contacts_;
   std::vector<Motion> after_;                   ///< velocities at which bounces are compared with before_
   std::vector<Motion> plastic_;                 ///< motions_ before bounces
@@ -75,7 +100,10 @@ class SmallStepSolver final : public GroupSolver {
 /// would make a card house collapse in single precision.)
 class SmallStepWorld final : public btDiscreteDynamicsWorld {
  public:
-  using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
+  /// All must outlive this object.
+  SmallStepWorld(btDispatcher& dispatcher, btBroadphaseInterface& broadphase, btConstraintSolver& solver,
+                 btCollisionConfiguration& configuration, Workers& workers)
+      : btDiscreteDynamicsWorld(&dispatcher, &broadphase, &solver, &configuration), workers_(workers) {}
 
   /// `ahead`: contacts are found for this time at once, s; 0: for a step.
   void leave_moving_to_solver(double ahead) {
@@ -85,6 +113,8 @@ class SmallStepWorld final : public btDiscreteDynamicsWorld {
   [[nodiscard]] LeftContacts& left_contacts() { return left_contacts_; }
   /// The next step searches for contacts again: a body has come or gone, or was moved.
   void search_again() { searched_s_ = 0; }
+  /// Removes the pairs of all bodies that leave together (kLeaves).
+  void part_leaving();
 
   void advance(btScalar dt);
 
@@ -95,6 +125,7 @@ class SmallStepWorld final : public btDiscreteDynamicsWorld {
   /// Moves the contacts that were found last with their bodies. Those of round bodies are found again.
   void follow(btScalar dt);
 
+  Workers& workers_;
   FlushBodies flush_bodies_;
   LeftContacts left_contacts_;
   bool solver_moves_ = false;

@@ -29,7 +29,14 @@ class EngineShell : public Engine {
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override {
     return moved(id).apply_force(id, force, torque);
   }
-  void step(double dt) override { inner().step(dt); }
+  void step(double dt) override {
+    inner().step(dt);
+    stepped(dt);
+  }
+  void step_driven(double dt, std::span<const BodyId> driven, const StepDrive& drive) override {
+    inner().step_driven(dt, driven, drive);
+    stepped(dt);
+  }
   void time_parts(EngineTimes* times) noexcept override { inner().time_parts(times); }
   double integration_substep_s(double dt) const noexcept override { return inner().integration_substep_s(dt); }
   std::span<const Contact> contacts() const noexcept override { return inner().contacts(); }
@@ -43,6 +50,8 @@ class EngineShell : public Engine {
   [[nodiscard]] virtual Engine& inner() const noexcept = 0;
   /// Called before a body is moved from outside.
   [[nodiscard]] virtual Engine& moved(BodyId) { return inner(); }
+  /// Called after each step.
+  virtual void stepped(double /*dt*/) {}
 };
 
 }  // namespace subworld

@@ -55,6 +55,11 @@ void LiveEngine::remove(BodyId id) {
   held_[index(id)].reset();
 }
 
+void LiveEngine::remove_all(std::span<const BodyId> ids) {
+  engine_->remove_all(ids);
+  for (const BodyId id : ids) held_[index(id)].reset();
+}
+
 void LiveEngine::set_inertia(BodyId id, double mass, const Vec3& inertia) {
   engine_->set_inertia(id, mass, inertia);
   held_[index(id)]->mass = mass;
@@ -69,6 +74,14 @@ bool LiveEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque) {
   held.load.force += force;
   held.load.torque += torque;
   return true;
+}
+
+void LiveEngine::step_driven(double dt, std::span<const BodyId> driven, const StepDrive& drive) {
+  const StepDrive part = [&](double until_s, double h) {
+    ++steps_;  // loads are those of the last part
+    drive(until_s, h);
+  };
+  EngineShell::step_driven(dt, driven, part);
 }
 
 std::vector<HeldBody> LiveEngine::content() const {

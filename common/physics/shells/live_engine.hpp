@@ -50,14 +50,13 @@ class LiveEngine final : public EngineShell {
   using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
+  void remove_all(std::span<const BodyId> ids) override;
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
-  void step(double dt) override {
-    engine_->step(dt);
-    ++steps_;
-  }
+  void step_driven(double dt, std::span<const BodyId> driven, const StepDrive& drive) override;
 
  private:
+  void stepped(double) override { ++steps_; }
   Engine& inner() const noexcept override { return *engine_; }
   std::unique_ptr<Engine> engine_;
   std::vector<std::size_t> broken_;            ///< joints

@@ -117,8 +117,7 @@ void RestingEngine::asleep_in(const Box& box, std::vector<BodyId>& out) const {
   });
 }
 
-void RestingEngine::step(double dt) {
-  inner_.step(dt);
+void RestingEngine::stepped(double dt) {
   if (!rests_) return;
   since_look_s_ += dt;
   if (since_look_s_ < kLookEvery_s) return;
@@ -297,6 +296,7 @@ void RestingEngine::judge_islands() {
   }
   std::ranges::sort(slept_);
   for (const BodyId id : slept_) sleep(index(id));
+  inner_.remove_all(slept_);
   std::erase_if(awake_, [this](BodyId id) { return asleep(id); });
 }
 
@@ -307,7 +307,6 @@ void RestingEngine::sleep(std::uint32_t one) {
   thing.bounds = inner_.bounds(BodyId{one});
   thing.asleep = true;
   settling_.sleeps(BodyId{one});
-  inner_.remove(BodyId{one});
   ++asleep_count_;
 }
 

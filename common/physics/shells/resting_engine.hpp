@@ -58,7 +58,6 @@ class RestingEngine final : public EngineShell {
   void remove(BodyId id) override;
   bool contains(BodyId id) const noexcept override { return asleep(id) || inner_.contains(id); }
   BodyState state(BodyId id) const override { return asleep(id) ? things_[index(id)].anchor : inner_.state(id); }
-  void step(double dt) override;
   Box bounds(BodyId id) const override { return asleep(id) ? things_[index(id)].bounds : inner_.bounds(id); }
 
   Checkpoint checkpoint() const override;
@@ -72,6 +71,7 @@ class RestingEngine final : public EngineShell {
 
  private:
   Engine& inner() const noexcept override { return inner_; }
+  void stepped(double dt) override;
   /// Wakes the body, which must settle again.
   Engine& moved(BodyId id) override;
   struct Thing {

@@ -69,6 +69,11 @@ void ScaledEngine::remove(BodyId id) {
   contacts_.clear();
 }
 
+void ScaledEngine::remove_all(std::span<const BodyId> ids) {
+  inner_->remove_all(ids);
+  contacts_.clear();
+}
+
 BodyState ScaledEngine::state(BodyId id) const {
   const BodyState large = inner_->state(id);
   return {large.position * unit_m_, large.orientation, large.linear_velocity * unit_m_, large.angular_velocity};
@@ -92,8 +97,7 @@ bool ScaledEngine::apply_force(BodyId id, const Vec3& force, const Vec3& torque)
   return inner_->apply_force(id, force / unit_m_, torque / (unit_m_ * unit_m_));
 }
 
-void ScaledEngine::step(double dt) {
-  inner_->step(dt);
+void ScaledEngine::stepped(double) {
   take(inner_->contacts());
   const std::span<const JointLoad> loads = inner_->joint_loads();
   loads_.assign(loads.begin(), loads.end());

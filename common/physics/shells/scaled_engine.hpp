@@ -21,13 +21,13 @@ class ScaledEngine final : public EngineShell {
   using EngineShell::add;
   void add(const Body& body, const BodyState& state, Role role) override;
   void remove(BodyId id) override;
+  void remove_all(std::span<const BodyId> ids) override;
   BodyState state(BodyId id) const override;
   bool set_state(BodyId id, const BodyState& state) override;
   bool set_velocity(BodyId id, const Vec3& linear, const Vec3& angular) override;
   void set_inertia(BodyId id, double mass, const Vec3& inertia) override;
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
-  void step(double dt) override;
   std::span<const Contact> contacts() const noexcept override { return contacts_; }
   std::span<const Contact> contacts_with_friction() override;
   Box bounds(BodyId id) const override;
@@ -36,6 +36,7 @@ class ScaledEngine final : public EngineShell {
 
  private:
   Engine& inner() const noexcept override { return *inner_; }
+  void stepped(double dt) override;
   void take(std::span<const Contact> large);
   [[nodiscard]] BodyState shown(const BodyState& state) const;
 

@@ -23,7 +23,7 @@ struct Plan {
   std::vector<std::string> engines{"bullet", "bullet_float", "ode"}, worlds{"basin"};
   std::string preset = "quality";
   std::vector<int> bodies{500, 2000, 8000};
-  int iterations = 0, parts = 4;
+  int iterations = 0, parts = 4, threads = 1;
   double cycle_ms = 16.0, seconds = 3.0;
   std::string to;
 };
@@ -62,6 +62,7 @@ struct Figures {
   EngineTimes times;
   std::size_t contacts;
   double deepest_m, kinetic_j;
+  double leave_s;  ///< all that move leave at once, as when they fall asleep
 };
 
 Figures measure(const Plan& plan, const std::string& engine_name, const Scene& scene) {
@@ -70,6 +71,7 @@ Figures measure(const Plan& plan, const std::string& engine_name, const Scene& s
   settings.preset = plan.preset;
   if (plan.iterations > 0) settings.iterations = plan.iterations;
   settings.substeps = 1;
+  settings.threads = plan.threads;
   const auto engine = make_engine(settings, scene.meshes);
   if (!scene.joints.empty()) engine->set_joints(scene.joints);
   for (const Body& body : scene.bodies) engine->add(body, scene.initial[index(body.id)]);
@@ -85,6 +87,13 @@ Figures measure(const Plan& plan, const std::string& engine_name, const Scene& s
   figures.contacts = engine->contacts().size();
   for (const Contact& contact : engine->contacts()) figures.deepest_m = std::min(figures.deepest_m, contact.distance);
   for (const Body& body : scene.bodies) figures.kinetic_j += kinetic_energy(body, engine->state(body.id));
+  std::vector<BodyId> all;
+  for (const Body& body : scene.bodies) {
+    if (!body.fixed()) all.push_back(body.id);
+  }
+  const double leave = wall_s();
+  engine->remove_all(all);
+  figures.leave_s = wall_s() - leave;
   return figures;
 }
 
@@ -97,6 +106,7 @@ int main_of(int argc, char** argv) {
   line.add("--bodies", &plan.bodies, "boxes that move").range(10, 100000);
   line.add("--iterations", &plan.iterations, "solver iterations of an engine's step; 0: the preset's").range(0, 1000);
   line.add("--substeps", &plan.parts, "steps of the engine in a cycle").range(1, 100);
+  line.add("--threads", &plan.threads, "threads that share a step").range(1, 256);
   line.add("--cycle-ms", &plan.cycle_ms, "length of a cycle").range(0.1, 100.0, "ms");
   line.add("--seconds", &plan.seconds, "simulated time").range(0.1, 1000.0, "s");
   line.add("--write", &plan.to, "only writes the first world to this JSON file, for peers.mjs");
@@ -107,17 +117,19 @@ int main_of(int argc, char** argv) {
   }
   fmt::print("means over cycles of {:g} ms in {} steps, {:g} s, preset {}\n", plan.cycle_ms, plan.parts, plan.seconds,
              plan.preset);
-  fmt::print("{:>6} {:>13} {:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10}\n", "world", "engine", "bodies",
-             "wall ms", "CPU ms", "ns/body", "engine ms", "transfer", "totals", "contacts", "deepest", "kinetic J");
+  fmt::print("{:>6} {:>13} {:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10} {:>9}\n", "world", "engine",
+             "bodies", "wall ms", "CPU ms", "ns/body", "engine ms", "transfer", "totals", "contacts", "deepest",
+             "kinetic J", "leave ms");
   for (const std::string& world : plan.worlds) {
     for (const int count : plan.bodies) {
       const Scene scene = bench::large_world(world, count);
       for (const std::string& engine : plan.engines) {
         const Figures f = measure(plan, engine, scene);
         fmt::print(
-            "{:>6} {:>13} {:>7} {:>9.2f} {:>9.2f} {:>9.0f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9} {:>9.5f} {:>10.3g}\n",
+            "{:>6} {:>13} {:>7} {:>9.2f} {:>9.2f} {:>9.0f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9} {:>9.5f} {:>10.3g} "
+            "{:>9.1f}\n",
             world, engine, count, 1e3 * f.wall_s, 1e3 * f.cpu_s, 1e9 * f.wall_s / count, 1e3 * f.times.solving_s,
-            1e3 * f.times.exchange_s, 1e3 * f.times.totals_s, f.contacts, f.deepest_m, f.kinetic_j);
+            1e3 * f.times.exchange_s, 1e3 * f.times.totals_s, f.contacts, f.deepest_m, f.kinetic_j, 1e3 * f.leave_s);
         std::fflush(stdout);
       }
     }

@@ -66,6 +66,15 @@ class BookedEngine final : public EngineShell {
   bool apply_impulse(BodyId id, const Vec3& impulse, const Vec3& point) override;
   bool apply_force(BodyId id, const Vec3& force, const Vec3& torque) override;
   void step(double dt) override;
+  /// What drives the bodies is booked before whole steps.
+  void step_driven(double dt, std::span<const BodyId> driven, const StepDrive& drive) override {
+    Engine::step_driven(dt, driven, drive);
+  }
+  Capabilities capabilities() const noexcept override {
+    Capabilities can = EngineShell::capabilities();
+    can.drives_inside = false;
+    return can;
+  }
 
  private:
   Engine& inner() const noexcept override { return *inner_; }

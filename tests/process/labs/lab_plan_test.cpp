@@ -31,7 +31,7 @@ const std::vector<std::string> kPlanColumns{"scene",
                                             "held"};
 
 TEST_F(PlanLab, EveryItemIsTheSameOrNoWorse) {
-  const Ended ended = finish(lab_words({"press", "scatter", "--duration", "1", "--repeat", "1", "--out", out()}));
+  const Ended ended = finish(lab_words({"press", "scatter", "--duration", "0.5", "--repeat", "1", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;
   const Json rows = results();
   ASSERT_FALSE(rows.empty());

@@ -153,9 +153,8 @@ INSTANTIATE_TEST_SUITE_P(Vendors, LockstepPresence, ::testing::Values("cyclonedd
                          [](const auto& one) { return one.param; });
 INSTANTIATE_TEST_SUITE_P(Full, LockstepPresence, ::testing::Values("fastdds", "mixed"),
                          [](const auto& one) { return one.param; });
-INSTANTIATE_TEST_SUITE_P(Vendors, LockstepKill, ::testing::Values("fastdds", "mixed"),
-                         [](const auto& one) { return one.param; });
-INSTANTIATE_TEST_SUITE_P(Full, LockstepKill, ::testing::Values("cyclonedds"),
+INSTANTIATE_TEST_SUITE_P(Vendors, LockstepKill, ::testing::Values("mixed"), [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(Full, LockstepKill, ::testing::Values("fastdds", "cyclonedds"),
                          [](const auto& one) { return one.param; });
 
 INSTANTIATE_TEST_SUITE_P(Vendors, LockstepDelays, ::testing::Values("mixed"),

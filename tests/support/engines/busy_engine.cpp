@@ -26,14 +26,13 @@ class BusyEngine final : public EngineShell {
   BusyEngine(std::unique_ptr<Engine> inner, bool always) : inner_(std::move(inner)), always_(always) {}
 
   std::string_view name() const noexcept override { return "busy"; }
-  void step(double dt) override {
+  void stepped(double dt) override {
     time_s_ += dt;
     if (always_) {
       compute_for(kAlways);
     } else if (time_s_ > kBusyFrom_s && time_s_ < kBusyTo_s) {
       std::this_thread::sleep_for(kBusy);
     }
-    inner_->step(dt);
   }
 
  private:

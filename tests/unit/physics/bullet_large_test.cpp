@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace subworld {
 namespace {
@@ -138,6 +139,89 @@ TEST_P(BulletLarge, ABodyThatIsMovedIsMetAtOnce) {
   engine->set_state(cube, state);
   run(0.2);
   EXPECT_NEAR(place(cube).z(), 0.5, 2e-3);
+}
+
+// A force and a mass of each part of the step: v = h sum (F - m0 g) / m.
+TEST_P(BulletLarge, ADrivenBodyFollowsTheForcesOfAllParts) {
+  BodyState state;
+  state.position = Vec3(0, 0, 50);
+  const BodyId ball = add({.kind = ShapeKind::sphere, .radius = 0.5}, 10.0, state);
+  double expected = 0.0, seen = 0.0, after_s = 0.0;
+  int parts = 0;
+  for (int step = 0; step < 3; ++step) {
+    double until_now_s = 0.0;
+    engine->step_driven(GetParam().dt, {&ball, 1}, [&](double until_s, double h) {
+      EXPECT_NEAR(until_s, until_now_s + h, 1e-9);
+      until_now_s = until_s;
+      seen = std::max(seen, std::abs(engine->state(ball).linear_velocity.z() - expected));
+      const double mass = 10.0 + parts, force = 20.0 * parts;
+      engine->set_inertia(ball, mass, Vec3::Constant(0.1 * mass));
+      engine->apply_force(ball, {0, 0, force}, Vec3::Zero());
+      expected += h * (force - 10.0 * test::kG) / mass;
+      ++parts;
+    });
+    EXPECT_NEAR(until_now_s, GetParam().dt, 1e-9);
+    after_s += GetParam().dt;
+  }
+  EXPECT_NEAR(parts, after_s / 2e-3, 0.01) << "small steps of 2 ms";
+  EXPECT_LT(seen, 1e-5);
+  EXPECT_NEAR(engine->state(ball).linear_velocity.z(), expected, 1e-5);
+}
+
+// It becomes a hundred times as heavy before the small step whose end stops it: half of the speed is left to the next.
+TEST_P(BulletLarge, ADrivenBodyHitsWithTheMassThatItHas) {
+  const BodyId cube = add_cube({0, 0, 50});
+  const double dt = GetParam().dt, speed_m_s = 10.0;
+  BodyState state;
+  state.position = Vec3(-1.0 - speed_m_s * (dt + 1e-3), 0, 50);
+  state.linear_velocity.x() = speed_m_s;
+  const BodyId ball = add({.kind = ShapeKind::sphere, .radius = 0.5}, 10.0, state);
+  engine->step_driven(dt, {&ball, 1}, [&](double until_s, double) {
+    if (until_s > dt - 1e-6) engine->set_inertia(ball, 1000.0, Vec3::Constant(100.0));
+  });
+  run(0.1);
+  for (const BodyId id : {cube, ball}) EXPECT_NEAR(engine->state(id).linear_velocity.x(), 0.5 * speed_m_s, 0.1);
+}
+
+TEST_P(BulletLarge, NoResultDependsOnTheNumberOfThreads) {
+  const auto after = [](int threads) {
+    EngineSettings settings = GetParam().settings();
+    settings.threads = threads;
+    const auto world = make_engine(settings, {});
+    std::uint32_t bodies = 0;
+    const auto put = [&](const Shape& shape, double mass, const Vec3& position) {
+      Body body;
+      body.id = BodyId{bodies++};
+      body.shape = shape;
+      body.mass = mass;
+      if (mass > 0.0) body.inertia = principal_inertia(shape, mass);
+      BodyState state;
+      state.position = position;
+      world->add(body, state);
+    };
+    put({.kind = ShapeKind::plane}, 0.0, Vec3::Zero());
+    put({.kind = ShapeKind::box, .half_extents = {0.2, 4, 1}}, 0.0, {-4, 0, 1});
+    for (int i = 0; i < 500; ++i) {
+      const Vec3 position(i % 10 * 0.6 + 0.1 * (i / 100 % 2), i / 10 % 10 * 0.6, 0.5 + i / 100 * 0.6);
+      if (i % 3 == 0) {
+        put({.kind = ShapeKind::sphere, .radius = 0.25}, 60.0, position);
+      } else {
+        put({.kind = ShapeKind::box, .half_extents = Vec3(0.25, 0.25, 0.2 + 0.05 * (i % 2))}, 100.0, position);
+      }
+    }
+    for (int i = 0; i < GetParam().steps(0.6); ++i) world->step(GetParam().dt);
+    std::vector<double> all;
+    for (std::uint32_t id = 0; id < bodies; ++id) {
+      const BodyState state = world->state(BodyId{id});
+      for (const Vec3& v : {state.position, state.linear_velocity, state.angular_velocity})
+        all.insert(all.end(), v.begin(), v.end());
+    }
+    for (const Contact& contact : world->contacts())
+      all.insert(all.end(), {contact.distance, contact.normal_impulse, contact.tangential_impulse.x()});
+    return all;
+  };
+  const std::vector<double> alone = after(1);
+  for (const int threads : {2, 3, 4}) EXPECT_EQ(after(threads), alone) << threads << " threads";
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, BulletLarge,

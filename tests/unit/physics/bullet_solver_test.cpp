@@ -120,7 +120,8 @@ TEST(BulletSolver, WithoutFrictionMovesBodiesAsBulletsOwnBitByBit) {
 // Hosts of one run may have different processors.
 TEST(SmallSteps, AreEqualBitByBitWithoutLongVectors) {
   if (!ContactBatches::has_long_vectors()) GTEST_SKIP() << "this processor has no long vectors";
-  SmallStepSolver with(true), without(false);
+  Workers alone(1);
+  SmallStepSolver with(alone, true), without(alone, false);
   EXPECT_EQ(equal_steps(with, without, btScalar(0.6), 500), 500);
 }
 

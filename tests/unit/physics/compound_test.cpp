@@ -5,6 +5,7 @@
 #include "model/shapes/mass_properties.hpp"
 #include "support/channel_mesh.hpp"
 #include "support/engines.hpp"
+#include "support/grid.hpp"
 #include "support/temporary_folder.hpp"
 
 #include <gtest/gtest.h>
@@ -305,8 +306,9 @@ TEST_P(CompoundBody, APinInTubesIsAHinge) {
 std::vector<test::Tested> engines_of(std::initializer_list<std::string_view> names) {
   return test::only(names, test::tested_engines({0.001}, {0.001, 0.004}));
 }
-INSTANTIATE_TEST_SUITE_P(Engines, CompoundBody, testing::ValuesIn(engines_of({"bullet", "bullet_float", "ode"})),
-                         test::name_of);
+test::Halves<test::Tested> with_compounds() { return test::halves(engines_of({"bullet", "bullet_float", "ode"}), 3); }
+INSTANTIATE_TEST_SUITE_P(Engines, CompoundBody, testing::ValuesIn(with_compounds().half), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Full, CompoundBody, testing::ValuesIn(with_compounds().other), test::name_of);
 INSTANTIATE_TEST_SUITE_P(Engines, FastCompoundBody, testing::ValuesIn(engines_of({"bullet", "bullet_float"})),
                          test::name_of);
 

@@ -3,6 +3,7 @@
 #include "model/error.hpp"
 #include "physics/shells/live_engine.hpp"
 #include "support/engines.hpp"
+#include "support/grid.hpp"
 #include "support/scene_text.hpp"
 
 #include <fmt/core.h>
@@ -390,15 +391,16 @@ TEST_P(JointOfEngine, AnotherUnitOfLengthChangesNothing) {
     EXPECT_NEAR(metres[i], millimetres[i], part * std::abs(metres[i])) << i;
 }
 
-std::vector<test::Tested> engines_with_joints() {
+test::Halves<test::Tested> engines_with_joints() {
   std::vector<test::Tested> all;
   for (const char* engine : {"bullet", "bullet_float"}) {
     for (const char* preset : {"fast", "quality"}) all.push_back({engine, preset, 0.001});
     all.push_back({engine, "quality", 0.004});
   }
-  return all;
+  return test::halves(all, 3);
 }
-INSTANTIATE_TEST_SUITE_P(Engines, JointOfEngine, testing::ValuesIn(engines_with_joints()), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Engines, JointOfEngine, testing::ValuesIn(engines_with_joints().half), test::name_of);
+INSTANTIATE_TEST_SUITE_P(Full, JointOfEngine, testing::ValuesIn(engines_with_joints().other), test::name_of);
 
 class FastJointOfEngine : public JointOfEngine {};
 TEST_P(FastJointOfEngine, AChainHangsInItsCatenary) {
@@ -418,9 +420,9 @@ TEST_P(FastJointOfEngine, AChainHangsInItsCatenary) {
   EXPECT_NEAR(bench.state("link/15").position.z(), 0.60284, 1e-3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, FastJointOfEngine,
-                         testing::Values(test::Tested{"bullet", "fast"}, test::Tested{"bullet_float", "fast"}),
+INSTANTIATE_TEST_SUITE_P(Engines, FastJointOfEngine, testing::Values(test::Tested{"bullet_float", "fast"}),
                          test::name_of);
+INSTANTIATE_TEST_SUITE_P(Full, FastJointOfEngine, testing::Values(test::Tested{"bullet", "fast"}), test::name_of);
 
 TEST(JointOfEngines, BodiesOfOneGroupOverlapAndThoseOfTwoDoNot) {
   for (const char* name : {"bullet", "bullet_float", "ode"}) {

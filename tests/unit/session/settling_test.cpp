@@ -61,10 +61,7 @@ class Creeping final : public EngineShell {
   static constexpr double kStride_m = 2.2e-3;
 
   Creeping(Engine& inner, double period_s) : inner_(inner), period_s_(period_s) {}
-  void step(double dt) override {
-    time_s_ += dt;
-    inner_.step(dt);
-  }
+  void stepped(double dt) override { time_s_ += dt; }
   BodyState state(BodyId id) const override {
     BodyState now = inner_.state(id);
     const std::uint32_t turn = index(id) - kFirst;

@@ -13,9 +13,10 @@ namespace {
 
 constexpr double kEdge = 1e-3;   ///< of the smaller body: what overlaps by less does so at an edge
 constexpr double kAcross = 0.5;  ///< cosine; directions that are steeper to a normal are across it
-/// Bodies found, at most: first those that may meet the inside itself. Where thousands of bodies move and the world is
-/// late, all of them may come until the next frame: without a limit, one frame of 2,000 cubes took 14 s.
-constexpr std::size_t kMostFound = 64;
+/// Bodies found, and pairs of them, at most: first those that may meet the inside itself. Where thousands of bodies
+/// move and the world is late, all of them may come until the next frame: without limits, one frame of 2,000 cubes took
+/// 14 s.
+constexpr std::size_t kMostFound = 64, kMostPairs = 512;
 
 /// How far a shape reaches from its origin along a unit vector of the body frame, m.
 double extent(const Shape& shape, std::span<const Mesh> meshes, const Vec3& along) {
@@ -193,10 +194,12 @@ std::optional<Box> ApproachFinder::find(const Membership& membership, const Cont
     }
   };
   std::optional<Box> where;
+  if (done_ == 0) contacts_ = border.size();
   for (const std::size_t end = pushers_.size(); done_ < end; ++done_) {
     const Mover pusher = pushers_[done_];
     const Box swept = pusher.swept();
     for (const Mover& other : near_) {
+      if (border.size() >= contacts_ + kMostPairs) return std::nullopt;
       if (!swept.meets(other.swept()) || !wanted(pusher, other)) continue;
       if (places_[index(other.id)] == Place::apart && found_ == kMostFound) continue;
       const std::optional<BoundaryContact> pair = meet(pusher, other);

@@ -77,6 +77,7 @@ class ApproachFinder {
   double time_s_ = 0.0;
   std::vector<Mover> pushers_;  ///< members, then ghosts, then what has been found
   std::size_t done_ = 0;        ///< of the pushers
+  std::size_t contacts_ = 0;    ///< of the border, before anything was found
   std::size_t found_ = 0;       ///< bodies that were apart
   std::vector<Mover> near_;
   std::vector<BodyId> touched_;       ///< whose place or `listed_` may be another than at the start

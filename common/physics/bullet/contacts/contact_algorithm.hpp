@@ -1,25 +1,16 @@
 #pragma once
 
 #include "physics/bullet/contacts/contact_points.hpp"
+#include "physics/bullet/contacts/dispatcher.hpp"
 #include "physics/bullet/parts.hpp"
 
 #include <BulletCollision/CollisionDispatch/btCollisionCreateFunc.h>
-#include <BulletCollision/CollisionDispatch/btCollisionDispatcher.h>
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 
 #include <new>
 #include <utility>
 
 namespace subworld::bullet {
-
-/// Bullet's dispatcher, with a choice for the algorithms.
-class Dispatcher final : public btCollisionDispatcher {
- public:
-  /// `ahead`: contacts of all bodies that may meet within a step are found, not of fast ones only.
-  Dispatcher(btCollisionConfiguration* configuration, bool ahead)
-      : btCollisionDispatcher(configuration), looks_ahead(ahead) {}
-  const bool looks_ahead;
-};
 
 /// Base of the collision algorithms of this folder. An algorithm is made for bodies `a` and `b`; with `swapped` Bullet
 /// passes them the other way round.

@@ -34,6 +34,8 @@ bool is_new(const btPersistentManifold& manifold) {
 
 }  // namespace
 
+bool leaves(const btCollisionObject& body) { return body.getUserIndex2() == kLeaves; }
+
 LeftContacts::LeftContacts() { pairs_.reserve(kUsualLeft); }
 
 void LeftContacts::keep(const btCollisionObject& body, btDispatcher& dispatcher) {
@@ -41,20 +43,30 @@ void LeftContacts::keep(const btCollisionObject& body, btDispatcher& dispatcher)
   away_[number(body)] = body.getWorldTransform().getOrigin();
   for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
     const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
-    if (manifold.getBody0() != &body && manifold.getBody1() != &body) continue;
-    if (manifold.getNumContacts() == 0 || is_new(manifold)) continue;
-    const auto [low, high] = numbers(manifold);
-    Pair& pair = pairs_.emplace_back(Pair{low, high, 0, {}});
-    const btScalar on_low = sign(manifold);
-    for (int i = 0; i < manifold.getNumContacts(); ++i) {
-      const btManifoldPoint& p = manifold.getContactPoint(i);
-      const LastPart last = last_part_of(p);
-      pair.points[pair.count++] = {
-          p.getPositionWorldOnB(), p.m_appliedImpulse, last.normal,
-          on_low * (p.m_appliedImpulseLateral1 * p.m_lateralFrictionDir1 +
-                    p.m_appliedImpulseLateral2 * p.m_lateralFrictionDir2),
-          on_low * (last.lateral_1 * p.m_lateralFrictionDir1 + last.lateral_2 * p.m_lateralFrictionDir2)};
-    }
+    if (manifold.getBody0() == &body || manifold.getBody1() == &body) keep(manifold);
+  }
+}
+
+void LeftContacts::keep_leaving(btDispatcher& dispatcher) {
+  for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
+    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
+    if (leaves(*manifold.getBody0()) || leaves(*manifold.getBody1())) keep(manifold);
+  }
+}
+
+void LeftContacts::keep(const btPersistentManifold& manifold) {
+  if (manifold.getNumContacts() == 0 || is_new(manifold)) return;
+  const auto [low, high] = numbers(manifold);
+  Pair& pair = pairs_.emplace_back(Pair{low, high, 0, {}});
+  const btScalar on_low = sign(manifold);
+  for (int i = 0; i < manifold.getNumContacts(); ++i) {
+    const btManifoldPoint& p = manifold.getContactPoint(i);
+    const LastPart last = last_part_of(p);
+    pair.points[pair.count++] = {
+        p.getPositionWorldOnB(), p.m_appliedImpulse, last.normal,
+        on_low * (p.m_appliedImpulseLateral1 * p.m_lateralFrictionDir1 +
+                  p.m_appliedImpulseLateral2 * p.m_lateralFrictionDir2),
+        on_low * (last.lateral_1 * p.m_lateralFrictionDir1 + last.lateral_2 * p.m_lateralFrictionDir2)};
   }
 }
 

@@ -12,6 +12,10 @@
 
 namespace subworld::bullet {
 
+/// `getUserIndex2()` of bodies that leave together.
+inline constexpr int kLeaves = 1;
+[[nodiscard]] bool leaves(const btCollisionObject& body);
+
 /// Contact impulses of bodies that leave the engine, for bodies that return to exactly the same place, as after
 /// sleeping. At another place the contact forces differ. A solver that starts without these impulses needs many steps
 /// to support a pile: meanwhile the pile sinks in and is thrown back.
@@ -21,6 +25,8 @@ class LeftContacts {
 
   /// Call before a body leaves. Takes as long as removing it from Bullet: both search all pairs.
   void keep(const btCollisionObject& body, btDispatcher& dispatcher);
+  /// Call before the contacts are removed of all bodies that leave (kLeaves).
+  void keep_leaving(btDispatcher& dispatcher);
   /// Call after a body has returned.
   void came(const btCollisionObject& body);
   /// Call when the contacts of a step are found: new contacts at stored places continue with the stored impulses.
@@ -40,6 +46,7 @@ class LeftContacts {
     std::size_t count;
     std::array<Left, kMostPoints> points;
   };
+  void keep(const btPersistentManifold& manifold);
   [[nodiscard]] bool is_away(std::uint32_t body) const { return body < away_.size() && away_[body].has_value(); }
 
   std::vector<Pair> pairs_;

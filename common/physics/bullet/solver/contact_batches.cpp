@@ -1,6 +1,7 @@
 #include "physics/bullet/solver/contact_loops.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
 
@@ -37,7 +38,7 @@ bool ContactBatches::has_long_vectors() noexcept {
 #endif
 }
 
-ContactBatches::ContactBatches(bool long_vectors) : long_vectors_(long_vectors) {
+ContactBatches::ContactBatches(Workers& workers, bool long_vectors) : workers_(workers), long_vectors_(long_vectors) {
   pairs_.reserve(kUsualPairs);
   listed_.reserve(kUsualPairs);
   colour_of_.reserve(kUsualPairs);
@@ -52,9 +53,39 @@ void ContactBatches::prepare(std::span<btPersistentManifold* const> manifolds, s
   list_pairs(manifolds, movers, rub_all);
   cut_batches();
   turning_.clear();
-  points_.clear();
-  for (Batch& batch : batches_) fill(batch, movers);
-  long_vectors_ ? Loops::find_steps_avx2(batches_, points_.data()) : Loops::find_steps(batches_, points_.data());
+  points_.resize(place_points(movers));
+  for_any([&](std::span<Batch> batches) {
+    for (Batch& batch : batches) fill(batch, movers);
+    find_steps(batches);
+  });
+}
+
+template <class Part>
+void ContactBatches::for_any(const Part& part) {
+  workers_.run(batches_.size(), kGrain,
+               [&](std::size_t begin, std::size_t end) { part(std::span(batches_).subspan(begin, end - begin)); });
+}
+
+template <class Part>
+void ContactBatches::for_colours(const Part& part) {
+  for (std::size_t c = 0; c + 1 < colours_.size(); ++c) {
+    const std::span colour = std::span(batches_).subspan(colours_[c], colours_[c + 1] - colours_[c]);
+    workers_.run(colour.size(), kGrain,
+                 [&](std::size_t begin, std::size_t end) { part(colour.subspan(begin, end - begin)); });
+  }
+}
+
+void ContactBatches::find_steps(std::span<const Batch> batches) {
+  long_vectors_ ? Loops::find_steps_avx2(batches, points_.data()) : Loops::find_steps(batches, points_.data());
+}
+
+void ContactBatches::put_inertia(Batch& batch, std::size_t l, std::span<const Mover> movers) {
+  const Pair& pair = pairs_[batch.first + l];
+  const Mover &a = movers[pair.a], &b = movers[pair.b];
+  batch.inverse_mass_a[l] = a.inverse_mass;
+  batch.inverse_mass_b[l] = b.inverse_mass;
+  put(a.inverse_inertia, l, batch.inverse_inertia_a);
+  put(b.inverse_inertia, l, batch.inverse_inertia_b);
 }
 
 void ContactBatches::list_pairs(std::span<btPersistentManifold* const> manifolds, std::span<const Mover> movers,
@@ -87,49 +118,61 @@ void ContactBatches::cut_batches() {
   for (std::size_t i = 0; i < listed_.size(); ++i) pairs_[colour_begin_[colour_of_[i]]++] = listed_[i];
   batches_.clear();
   batch_of_.clear();
+  colours_.clear();
   std::size_t at = 0;
   for (std::uint32_t c = 0; c < kColours; ++c) {  // now each colour begins where the last one ended
     const std::size_t end = colour_begin_[c];
+    if (at < end) colours_.push_back(static_cast<std::uint32_t>(batches_.size()));
     while (at < end) {
       Batch& batch = batches_.emplace_back();
       batch.first = static_cast<std::uint32_t>(at);
       batch.pairs = static_cast<std::uint32_t>(is_last(c) ? 1 : std::min(kLanes, end - at));
       at += batch.pairs;
       batch_of_.resize(at, static_cast<std::uint32_t>(batches_.size() - 1));
+      if (is_last(c) && at < end) colours_.push_back(static_cast<std::uint32_t>(batches_.size()));
     }
   }
+  colours_.push_back(static_cast<std::uint32_t>(batches_.size()));
+}
+
+std::uint32_t ContactBatches::place_points(std::span<const Mover> movers) {
+  std::uint32_t count = 0;
+  for (Batch& batch : batches_) {
+    batch.begin = batch.end = count;
+    for (std::size_t l = 0; l < batch.pairs; ++l) {
+      Pair& pair = pairs_[batch.first + l];
+      pair.begin = batch.begin;
+      pair.end = batch.begin + static_cast<std::uint32_t>(pair.manifold->getNumContacts());
+      batch.end = std::max(batch.end, pair.end);
+      const btCollisionObject &first = *pair.manifold->getBody0(), &second = *pair.manifold->getBody1();
+      if (surface_of(first) == nullptr && surface_of(second) == nullptr) continue;
+      batch.slides = true;
+      turning_.add(pair, inertia_of(movers[pair.a], movers[pair.b]), BothMotion{});
+      batch.turns = batch.turns || pair.turning >= 0;
+    }
+    count = batch.end;
+  }
+  return count;
 }
 
 void ContactBatches::fill(Batch& batch, std::span<const Mover> movers) {
   batch.a.fill(kFixed);
   batch.b.fill(kFixed);
-  batch.begin = batch.end = static_cast<std::uint32_t>(points_.size());
+  std::fill(points_.begin() + batch.begin, points_.begin() + batch.end, Point{});
   for (std::size_t l = 0; l < batch.pairs; ++l) {
-    Pair& pair = pairs_[batch.first + l];
-    const Mover &a = movers[pair.a], &b = movers[pair.b];
+    const Pair& pair = pairs_[batch.first + l];
     batch.a[l] = pair.a;
     batch.b[l] = pair.b;
-    batch.inverse_mass_a[l] = a.inverse_mass;
-    batch.inverse_mass_b[l] = b.inverse_mass;
-    put(a.inverse_inertia, l, batch.inverse_inertia_a);
-    put(b.inverse_inertia, l, batch.inverse_inertia_b);
+    put_inertia(batch, l, movers);
     batch.friction[l] = pair.friction;
     batch.rubs = batch.rubs || pair.rubs;
     batch.restitutes = batch.restitutes || pair.restitution != 0;
-    const auto count = static_cast<std::uint32_t>(pair.manifold->getNumContacts());
-    pair.begin = batch.begin;
-    pair.end = batch.begin + count;
-    if (batch.end < pair.end) points_.resize(batch.end = pair.end, Point{});
-    for (std::uint32_t i = 0; i < count; ++i) {
-      const btManifoldPoint& point = pair.manifold->getContactPoint(static_cast<int>(i));
-      fill_point(batch, l, point, points_[batch.begin + i]);
+    for (std::uint32_t i = pair.begin; i < pair.end; ++i) {
+      const btManifoldPoint& point = pair.manifold->getContactPoint(static_cast<int>(i - pair.begin));
+      fill_point(batch, l, point, points_[i]);
       const btVector3 place = point.getPositionWorldOnB().absolute();
       batch.noise[l] = btMax(batch.noise[l], kPlaceRounding * place[place.maxAxis()]);
     }
-    turning_.add(pair, inertia_of(a, b), BothMotion{});
-    batch.turns = batch.turns || pair.turning >= 0;
-    const btCollisionObject &first = *pair.manifold->getBody0(), &second = *pair.manifold->getBody1();
-    batch.slides = batch.slides || surface_of(first) != nullptr || surface_of(second) != nullptr;
   }
   if (batch.restitutes) fill_bounce(batch, movers);
 }
@@ -165,27 +208,52 @@ void ContactBatches::fill_bounce(const Batch& batch, std::span<const Mover> move
   }
 }
 
+void ContactBatches::set_inertia(std::uint32_t mover, std::span<const Mover> movers) {
+  for (Batch& batch : batches_) {
+    bool has = false;
+    for (std::size_t l = 0; l < batch.pairs; ++l) {
+      Pair& pair = pairs_[batch.first + l];
+      if (pair.a != mover && pair.b != mover) continue;
+      put_inertia(batch, l, movers);
+      if (pair.turning >= 0) turning_.add(pair, inertia_of(movers[pair.a], movers[pair.b]), BothMotion{});
+      has = true;
+    }
+    if (has) find_steps({&batch, 1});
+  }
+}
+
 void ContactBatches::start(btScalar h, std::span<Motion> motions) {
   turning_.start();
-  long_vectors_ ? Loops::start_avx2(*this, h, points_.data(), motions)
-                : Loops::start(*this, h, points_.data(), motions);
+  for_colours([&](std::span<const Batch> batches) {
+    long_vectors_ ? Loops::start_avx2(*this, batches, h, points_.data(), motions)
+                  : Loops::start(*this, batches, h, points_.data(), motions);
+  });
 }
 
 bool ContactBatches::solve(const ContactSpring& spring, btScalar h, btScalar enough, std::span<const std::uint8_t> busy,
                            std::span<std::uint8_t> changed, std::span<Motion> motions) {
-  return long_vectors_ ? Loops::solve_avx2(*this, spring, h, enough, busy, changed, motions)
-                       : Loops::solve(*this, spring, h, enough, busy, changed, motions);
+  std::atomic<bool> any = false;
+  for_colours([&](std::span<const Batch> batches) {
+    if (long_vectors_ ? Loops::solve_avx2(*this, batches, spring, h, enough, busy, changed, motions)
+                      : Loops::solve(*this, batches, spring, h, enough, busy, changed, motions))
+      any.store(true, std::memory_order_relaxed);
+  });
+  return any;
 }
 
 void ContactBatches::follow(std::span<const Motion> moved) {
-  long_vectors_ ? Loops::follow_avx2(batches_, points_.data(), moved) : Loops::follow(batches_, points_.data(), moved);
+  for_any([&](std::span<const Batch> batches) {
+    long_vectors_ ? Loops::follow_avx2(batches, points_.data(), moved) : Loops::follow(batches, points_.data(), moved);
+  });
 }
 
 void ContactBatches::add_up() {
-  for (Point& p : points_) {
-    p.total += p.impulse;
-    for (int k = 0; k < 2; ++k) p.side_total[k] += p.side_impulse[k];
-  }
+  for_any([&](std::span<const Batch> batches) {
+    for (Point& p : std::span(points_).subspan(batches.front().begin, batches.back().end - batches.front().begin)) {
+      p.total += p.impulse;
+      for (int k = 0; k < 2; ++k) p.side_total[k] += p.side_impulse[k];
+    }
+  });
 }
 
 bool ContactBatches::bounces(std::size_t i, btScalar threshold) const {
@@ -219,20 +287,24 @@ btScalar ContactBatches::bounce(std::size_t i, btScalar factor, btScalar thresho
   return change;
 }
 
-void ContactBatches::write_impulses() const {
-  for (const Batch& batch : batches_) {
-    for (std::size_t l = 0; l < batch.pairs; ++l) {
-      const Pair& pair = pairs_[batch.first + l];
-      for (std::uint32_t i = pair.begin; i < pair.end; ++i) {
-        btManifoldPoint& point = pair.manifold->getContactPoint(static_cast<int>(i - pair.begin));
-        const Point& p = points_[i];
-        point.m_appliedImpulse = p.total[l];
-        point.m_appliedImpulseLateral1 = p.side_total[0][l];
-        point.m_appliedImpulseLateral2 = p.side_total[1][l];
-        set_last_part(
-            point, p.bounced[l] != 0 ? LastPart{} : LastPart{p.impulse[l], p.side_impulse[0][l], p.side_impulse[1][l]});
-      }
+void ContactBatches::write_impulses() {
+  for_any([&](std::span<const Batch> batches) {
+    for (const Batch& batch : batches) {
+      for (std::size_t l = 0; l < batch.pairs; ++l) write_impulses(batch, l);
     }
+  });
+}
+
+void ContactBatches::write_impulses(const Batch& batch, std::size_t l) {
+  const Pair& pair = pairs_[batch.first + l];
+  for (std::uint32_t i = pair.begin; i < pair.end; ++i) {
+    btManifoldPoint& point = pair.manifold->getContactPoint(static_cast<int>(i - pair.begin));
+    const Point& p = points_[i];
+    point.m_appliedImpulse = p.total[l];
+    point.m_appliedImpulseLateral1 = p.side_total[0][l];
+    point.m_appliedImpulseLateral2 = p.side_total[1][l];
+    set_last_part(point,
+                  p.bounced[l] != 0 ? LastPart{} : LastPart{p.impulse[l], p.side_impulse[0][l], p.side_impulse[1][l]});
   }
 }
 

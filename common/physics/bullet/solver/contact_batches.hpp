@@ -4,6 +4,7 @@
 #include "physics/bullet/movers.hpp"
 #include "physics/bullet/solver/turning_friction.hpp"
 #include "physics/bullet/solver/wide.hpp"
+#include "physics/workers.hpp"
 
 #include <cstdint>
 #include <span>
@@ -39,10 +40,13 @@ class ContactBatches {
   /// Whether this processor has instructions (AVX2) for vectors of 32 bytes. Results are equal without.
   [[nodiscard]] static bool has_long_vectors() noexcept;
 
-  explicit ContactBatches(bool long_vectors = has_long_vectors());
+  /// `workers` must outlive this object.
+  explicit ContactBatches(Workers& workers, bool long_vectors = has_long_vectors());
 
   /// `rub_all`: contacts without friction get friction rows too.
   void prepare(std::span<btPersistentManifold* const> manifolds, std::span<const Mover> movers, bool rub_all);
+  /// A mover has another mass and inertia from now on.
+  void set_inertia(std::uint32_t mover, std::span<const Mover> movers);
   /// Applies the impulses of the previous small step. `h`: length of a small step, s.
   void start(btScalar h, std::span<Motion> motions);
   /// One pass over the pairs with a `busy` mover; over all if there are none. Marks the movers of pairs that changed a
@@ -63,7 +67,7 @@ class ContactBatches {
   void save() { saved_ = points_; }
   void revert() { points_ = saved_; }
 
-  void write_impulses() const;
+  void write_impulses();
 
  private:
   /// Impulses are those of one small step.
@@ -96,15 +100,30 @@ class ContactBatches {
 
   void list_pairs(std::span<btPersistentManifold* const> manifolds, std::span<const Mover> movers, bool rub_all);
   void cut_batches();
+  /// Calls `part` for parts of the batches, in any order.
+  template <class Part>
+  void for_any(const Part& part);
+  /// The same for the batches of each colour after those of the colour before.
+  template <class Part>
+  void for_colours(const Part& part);
+  /// Finds where the points of each batch are. Returns their number.
+  std::uint32_t place_points(std::span<const Mover> movers);
   void fill(Batch& batch, std::span<const Mover> movers);
   void fill_point(const Batch& batch, std::size_t lane, const btManifoldPoint& point, Point& p) const;
+  void put_inertia(Batch& batch, std::size_t lane, std::span<const Mover> movers);
+  void find_steps(std::span<const Batch> batches);
+  void write_impulses(const Batch& batch, std::size_t lane);
   void fill_bounce(const Batch& batch, std::span<const Mover> movers);
 
+  static constexpr std::size_t kGrain = 16;  ///< batches, some microseconds
+
+  Workers& workers_;
   bool long_vectors_;
   std::vector<Pair> pairs_, listed_;
   std::vector<std::uint64_t> used_;       ///< colours, by mover
   std::vector<std::uint32_t> colour_of_;  ///< by listed_
   std::vector<std::uint32_t> colour_begin_;
+  std::vector<std::uint32_t> colours_;  ///< first batch of each colour that has some, and the end
   std::vector<Batch> batches_;
   std::vector<std::uint32_t> batch_of_;  ///< by pair
   std::vector<Point> points_, saved_;

@@ -39,6 +39,8 @@ struct ContactBatches::Loops {
            dot(cross(p.arm_b, other), batch.inverse_inertia_b * cross(p.arm_b, n));
   }
 
+  // Each of these functions is called for some of the batches.
+
   SUBWORLD_WIDE static void find_steps(std::span<const Batch> batches, Point* points) {
     for (const Batch& batch : batches) {
       for (std::uint32_t i = batch.begin; i < batch.end; ++i) {
@@ -55,8 +57,9 @@ struct ContactBatches::Loops {
     }
   }
 
-  SUBWORLD_WIDE static void start(const ContactBatches& all, btScalar h, Point* points, std::span<Motion> motions) {
-    for (const Batch& batch : all.batches_) {
+  SUBWORLD_WIDE static void start(const ContactBatches& all, std::span<const Batch> batches, btScalar h, Point* points,
+                                  std::span<Motion> motions) {
+    for (const Batch& batch : batches) {
       WideMotion m = load(motions, batch.a, batch.b);
       for (std::uint32_t i = batch.begin; i < batch.end; ++i) {
         Point& p = points[i];
@@ -120,9 +123,9 @@ struct ContactBatches::Loops {
     }
   }
 
-  SUBWORLD_WIDE static bool solve(ContactBatches& all, const ContactSpring& spring, btScalar h, btScalar enough,
-                                  std::span<const std::uint8_t> busy, std::span<std::uint8_t> changed,
-                                  std::span<Motion> motions) {
+  SUBWORLD_WIDE static bool solve(ContactBatches& all, std::span<const Batch> batches, const ContactSpring& spring,
+                                  btScalar h, btScalar enough, std::span<const std::uint8_t> busy,
+                                  std::span<std::uint8_t> changed, std::span<Motion> motions) {
     const auto is_busy = [&](const Batch& batch) {
       std::uint8_t any = 0;
       for (std::size_t l = 0; l < kLanes; ++l)
@@ -130,7 +133,7 @@ struct ContactBatches::Loops {
       return any != 0;
     };
     bool any = false;
-    for (const Batch& batch : all.batches_) {
+    for (const Batch& batch : batches) {
       if (!busy.empty() && !is_busy(batch)) continue;
       const std::span points = std::span(all.points_).subspan(batch.begin, batch.end - batch.begin);
       WideMotion m = load(motions, batch.a, batch.b);
@@ -148,8 +151,9 @@ struct ContactBatches::Loops {
       for (std::size_t l = 0; l < batch.pairs; ++l) {
         if (change[l] <= enough) continue;
         any = true;
-        changed[batch.a[l]] = batch.a[l] != kFixed;
-        changed[batch.b[l]] = batch.b[l] != kFixed;
+        for (const std::uint32_t mover : {batch.a[l], batch.b[l]}) {
+          if (mover != kFixed) changed[mover] = 1;
+        }
       }
     }
     return any;
@@ -171,14 +175,14 @@ struct ContactBatches::Loops {
   SUBWORLD_AVX2 static void find_steps_avx2(std::span<const Batch> batches, Point* points) {
     find_steps(batches, points);
   }
-  SUBWORLD_AVX2 static void start_avx2(const ContactBatches& all, btScalar h, Point* points,
-                                       std::span<Motion> motions) {
-    start(all, h, points, motions);
+  SUBWORLD_AVX2 static void start_avx2(const ContactBatches& all, std::span<const Batch> batches, btScalar h,
+                                       Point* points, std::span<Motion> motions) {
+    start(all, batches, h, points, motions);
   }
-  SUBWORLD_AVX2 static bool solve_avx2(ContactBatches& all, const ContactSpring& spring, btScalar h, btScalar enough,
-                                       std::span<const std::uint8_t> busy, std::span<std::uint8_t> changed,
-                                       std::span<Motion> motions) {
-    return solve(all, spring, h, enough, busy, changed, motions);
+  SUBWORLD_AVX2 static bool solve_avx2(ContactBatches& all, std::span<const Batch> batches, const ContactSpring& spring,
+                                       btScalar h, btScalar enough, std::span<const std::uint8_t> busy,
+                                       std::span<std::uint8_t> changed, std::span<Motion> motions) {
+    return solve(all, batches, spring, h, enough, busy, changed, motions);
   }
   SUBWORLD_AVX2 static void follow_avx2(std::span<const Batch> batches, Point* points, std::span<const Motion> moved) {
     follow(batches, points, moved);

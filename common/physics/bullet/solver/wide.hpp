@@ -1,6 +1,6 @@
 #pragma once
 
-#include "physics/bullet/solver/contact_rows.hpp"
+#include "physics/bullet/movers.hpp"
 
 #include <array>
 #include <cstddef>
@@ -67,6 +67,7 @@ SUBWORLD_WIDE WideMotion load(std::span<const Motion> motions, const Lanes& a, c
 }
 SUBWORLD_WIDE void store(const Wide3& linear, const Wide3& angular, const Lanes& of, Motion* motions) {
   for (std::size_t l = 0; l < kLanes; ++l) {
+    if (of[l] == kFixed) continue;  // all threads read it
     Motion& motion = motions[of[l]];
     motion.linear[0] = linear.x[l], motion.linear[1] = linear.y[l], motion.linear[2] = linear.z[l];
     motion.angular[0] = angular.x[l], motion.angular[1] = angular.y[l], motion.angular[2] = angular.z[l];
