@@ -33,7 +33,7 @@ struct Capabilities {
   double precision = 1e-15;                ///< relative, of the engine's numbers
   /// Longest step (s) at which friction in a pushed row agrees with the engine's own short steps to a few per cent.
   double longest_step_s = 0.005;
-  bool drives_inside = false;  ///< step_driven() drives its bodies in parts of a step, so that a long step is enough
+  bool drives_inside = false;  ///< step_driven() drives its bodies often enough in a step of any length
 };
 
 enum class Role : std::uint8_t {

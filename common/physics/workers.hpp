@@ -21,8 +21,8 @@ class Workers {
 
   [[nodiscard]] int threads() const noexcept { return static_cast<int>(threads_.size()) + 1; }
 
-  /// Calls `part(begin, end)` until it has been called for all of 0 .. count - 1, for at most `grain` of them at a time.
-  /// Returns when all calls have returned. `part` must not throw, and must not call run().
+  /// Calls `part(begin, end)` until it has been called for all of 0 .. count - 1, for at most `grain` of them at a
+  /// time. Returns when all calls have returned. `part` must not throw, and must not call run().
   template <class Part>
   void run(std::size_t count, std::size_t grain, const Part& part) {
     if (threads_.empty() || count <= grain) {

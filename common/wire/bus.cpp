@@ -295,11 +295,14 @@ void check_network(const Network& network) {
 
 namespace {
 
-/// Those of the run, and some that are not of it. A program that does not know the run searches for all.
-int searched_participants(int users, int domain) {
+/// Those of the run, and some that are not of it. A program that does not know the run searches for all. Each is sent
+/// to every host by every program: where the users of a host are known, none is searched for in vain.
+int searched_participants(const Network& network, int users) {
+  const int room = participant_room(network.domain);
+  if (users == 0) return room;
+  if (network.host_users > 0) return std::min(participants_of(std::min(users, network.host_users)), room);
   constexpr int kUsual = 32;
-  const int room = participant_room(domain);
-  return users == 0 ? room : std::clamp(participants_of(users), std::min(kUsual, room), room);
+  return std::clamp(participants_of(users), std::min(kUsual, room), room);
 }
 
 }  // namespace
@@ -315,7 +318,7 @@ std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, 
                    .device_period_s = device_period_s,
                    .cycle_s = settings.longest_cycle_s(),
                    .delay = settings.delay,
-                   .participants = searched_participants(settings.users, network.domain),
+                   .participants = searched_participants(network, settings.users),
                    .participant_name = participant_name});
 }
 

@@ -308,12 +308,11 @@ void check_devices(const Scene& scene, const Options& options) {
 
 }  // namespace
 
-void check_request(const Scene& scene, const RunRequest& request) {
+void check_request(const Scene& scene, const RunRequest& request, int users_of_a_host) {
   const int domain = std::max(0, request.domain);
-  if (scene.settings.users > user_room(domain)) {
-    throw Error(ExitCode::usage,
-                fmt::format("--users {}: {}; take fewer users, or start the programs by hand on several hosts",
-                            scene.settings.users, user_limit(domain)));
+  if (users_of_a_host > user_room(domain)) {
+    throw Error(ExitCode::usage, fmt::format("--users {}: {}; take fewer users, or several hosts: see subworld up",
+                                             scene.settings.users, user_limit(domain)));
   }
   for (const std::string& peer : request.options.network.peers) {
     if (peer.starts_with("-"))

@@ -10,8 +10,8 @@ namespace subworld {
 struct RunRequest;
 
 /// Prints warnings of what is beyond limits. Throws `Error` (usage) for a request that the programs would refuse,
-/// before any is started; it names the place and the cure.
-void check_request(const Scene& scene, const RunRequest& request);
+/// before any is started; it names the place and the cure. `users_of_a_host`: most whose programs run on one host.
+void check_request(const Scene& scene, const RunRequest& request, int users_of_a_host);
 
 /// Prints which optimisations are on or off for a scene, with the reasons, or its settings. Throws `Error` (usage)
 /// where `run` would.

@@ -217,7 +217,7 @@ void print_plan(const RunRequest& request, bool settings) {
   if (settings) return print_settings(scene);
   const Settings& s = scene.settings;
   const bool gui = request.gui;
-  check_request(scene, request);
+  check_request(scene, request, s.users);
   const std::string of_world = describe_engine(s.world), of_haptic = describe_engine(s.haptic);
   const std::size_t movable = movable_bodies(scene);
   const bool realtime = s.mode == Mode::realtime;

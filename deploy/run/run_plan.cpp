@@ -59,6 +59,20 @@ std::vector<std::string> RunPlan::parts() const {
   return parts;
 }
 
+namespace {
+
+/// The most whose programs run on one host.
+int users_of_a_host(const Session& session) {
+  std::ptrdiff_t most = 0;
+  for (const SessionHost& host : session.hosts) {
+    const auto of_user = [](const RunProgram& program) { return program.user >= 0; };
+    most = std::max(most, std::ranges::count_if(host.programs, of_user));
+  }
+  return static_cast<int>((most + 1) / 2);  // a user has two
+}
+
+}  // namespace
+
 std::vector<std::string> RunPlan::flags_of(const Host& host, const RunProgram& program,
                                            const std::string& vendor) const {
   const Options& options = request.options;
@@ -72,6 +86,7 @@ std::vector<std::string> RunPlan::flags_of(const Host& host, const RunProgram& p
   add("--dds", vendor);
   add("--interface", host.plan().network_interface);
   add("--peers", joined(peers_of(host.plan()), ","));
+  if (session.has_file()) add("--host-users", std::to_string(users_of_a_host(session)));
   if (program.user >= 0) add("--user", std::to_string(program.user));
   if (!options.trace.empty() && program.name != "gui_headless") add("--trace", trace_part(host.folder(), program));
   if (world) add("--resume", options.resume);
@@ -96,6 +111,7 @@ Network RunPlan::network_of(const SessionHost& host) const {
   if (session.has_file()) {
     network.interface_address = host.network_interface;
     network.peers = peers_of(host);
+    network.host_users = users_of_a_host(session);
   }
   return network;
 }
@@ -115,7 +131,7 @@ RunPlan plan_run(const RunRequest& given, Scene& scene) {
   scene = load_scene(options);
   if (request.session.empty()) plan.session = session_of_this_machine(request, scene);
   check_programs(plan.session, scene);
-  check_request(scene, request);
+  check_request(scene, request, users_of_a_host(plan.session));
   for (const int position : {0, 1}) {  // with mixed, both vendors
     Network network = options.network;
     network.dds = vendor_of(request.dds, position);

@@ -87,6 +87,7 @@ Options read_options(const YamlMap& map) {
   }
   for (const auto& [set, flag, instead] :
        {std::tuple{!options.network.interface_address.empty(), "interface", "the interface of each host"},
+        std::tuple{options.network.host_users > 0, "host-users", "the programs of each host"},
         std::tuple{!options.network.peers.empty(), "peers", "the address of each host"},
         std::tuple{!options.resume.empty(), "resume", "--restart on-failure, with which a world goes on by itself"}}) {
     if (set) flags->fail(fmt::format("{} is not a flag of a session; give {}", flag, instead));

@@ -107,6 +107,10 @@ void add_run_options(CommandLine& line, Options& o) {
   add("--peers", &o.network.peers,
       "other hosts of the run: IPv4 addresses or names, separated by commas; needs --interface")
       .otherwise("this host");
+  add("--host-users", &o.network.host_users,
+      "users whose programs run on one host of the run, at most: discovery asks fewer ports")
+      .range(1, kMostUsers)
+      .otherwise("all users");
   add("--qos", &o.network.qos_file, "the DDS vendor's settings file")
       .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
   add("--wait", &o.wait_s, "longest wait for the other programs").range(0.1, 3600.0, "s");

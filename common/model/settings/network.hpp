@@ -12,6 +12,7 @@ struct Network {
   int domain = 0;               ///< 0 .. 232
   /// Hosts of the other programs; empty: this host, or the hosts of the vendor's settings.
   std::vector<std::string> peers;
+  int host_users = 0;             ///< users whose programs run on one host, at most; 0: any
   std::string interface_address;  ///< empty: as in the settings, else loopback
   std::string qos_file;           ///< the vendor's settings; empty: its environment variable, else its default
 };

@@ -299,9 +299,9 @@ class Bullet final : public Adapter<Slot> {
     };
   }
   void drive_part(int part) {
-    const auto& [bodies, drive, since_s, part_s] = driving_;
+    const auto& [bodies, drive, since_s, length_s] = driving_;
     for (const BodyId id : bodies) at(id).force = at(id).torque = Vec3::Zero();
-    (*drive)(since_s + (part + 1) * part_s, part_s);
+    (*drive)(since_s + (part + 1) * length_s, length_s);
   }
   void collect_contacts(int substep) {
     for (int m = 0; m < dispatcher_.getNumManifolds(); ++m) {
@@ -336,7 +336,7 @@ class Bullet final : public Adapter<Slot> {
     std::span<const BodyId> bodies;
     const StepDrive* drive = nullptr;
     double since_s = 0.0;              ///< beginning of the sub-step
-    double part_s = 0.0;               ///< length of the parts
+    double length_s = 0.0;             ///< length of the parts
   } driving_;                          ///< in the sub-step under way
   mutable std::vector<BodyId> moved_;  ///< set since the last step, not yet in the tree
 };

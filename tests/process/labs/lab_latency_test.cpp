@@ -88,23 +88,6 @@ TEST_F(LatencyLab, TwoSeedsAgree) {
   EXPECT_NEAR(limits[1], limits[0], 0.2 * limits[0]);
 }
 
-// A busy machine delays the programs, so no error is held.
-TEST_F(LatencyLab, RepeatsTheSearchOverAnEmulatedLink) {
-  if (finish({"/usr/bin/unshare", "--net", "/bin/true"}).code != 0)
-    GTEST_SKIP() << "network namespaces are not permitted here";
-  const Ended ended = finish(lab_words({"row", "--link", "--quick", "--largest", "0.004", "--out", out()}));
-  ASSERT_EQ(ended.code, 0) << ended.err;
-  std::map<std::string, int> runs;
-  for (const Json& row : results()) {
-    if (row["kind"] != "point") continue;
-    ++runs[row["link"]];
-    EXPECT_TRUE(row["force_error_rms"].is_number()) << row.dump();
-  }
-  EXPECT_GE(runs["emulated"], 1);
-  EXPECT_GE(runs["world"], 2);
-  EXPECT_NE(ended.out.find("round-trip delay of an emulated link"), std::string::npos) << ended.out;
-}
-
 TEST_F(LatencyLab, BoundsBelowTheReferenceErrorDecideNothing) {
   const Ended ended = finish(lab_words({"row", "--quick", "--rms", "1e-6", "--out", out()}));
   ASSERT_EQ(ended.code, 0) << ended.err;

@@ -97,7 +97,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, SameMessages, testing::Values("loose", "see_saw
 // A ghost that is held again starts where its contacts are no deeper than in the world: this needs its contacts.
 TEST(Pairs, GoWithGhostsThatAreHeldAgain) {
   std::size_t held_again = 0;
-  for (const char* name : {"loose", "see_saw", "toppling", "hidden_load", "card_house", "pyramid", "heap_press"}) {
+  for (const char* name : {"loose", "toppling", "hidden_load", "pyramid"}) {
     Scene scene = scene_of(name);
     scene.settings.duration_s = 2.5;
     CoupledRun run(scene);

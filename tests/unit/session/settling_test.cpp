@@ -238,8 +238,9 @@ users:
   EXPECT_LT(asleep_after(25.0), 128U) << "with sway disabled, it oscillates";
 }
 
-/// Each engine, and each preset with every second one.
-test::Halves<test::Tested> settling_grid() { return test::halves(test::tested_engines({kStep_s}, {kStep_s}), 2); }
+test::Halves<test::Tested> settling_grid() {
+  return test::quarter(test::halves(test::tested_engines({kStep_s}, {kStep_s}), 2));
+}
 INSTANTIATE_TEST_SUITE_P(Engines, SettlingStack, testing::ValuesIn(settling_grid().half), test::name_of);
 INSTANTIATE_TEST_SUITE_P(Full, SettlingStack, testing::ValuesIn(settling_grid().other), test::name_of);
 
