@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 #include <utility>
 
 namespace subworld {
@@ -61,13 +62,17 @@ std::vector<std::string> RunPlan::parts() const {
 
 namespace {
 
-/// The most whose programs run on one host.
+/// The most whose programs run on one host; hosts of one address are one.
 int users_of_a_host(const Session& session) {
-  std::ptrdiff_t most = 0;
+  std::map<std::string, std::ptrdiff_t> programs;
   for (const SessionHost& host : session.hosts) {
+    const bool here = !host.address.empty() && !is_remote(host.address);
+    const std::string& where = host.address.empty() ? host.name : host.address;
     const auto of_user = [](const RunProgram& program) { return program.user >= 0; };
-    most = std::max(most, std::ranges::count_if(host.programs, of_user));
+    programs[here ? "" : where] += std::ranges::count_if(host.programs, of_user);
   }
+  std::ptrdiff_t most = 0;
+  for (const auto& [where, count] : programs) most = std::max(most, count);
   return static_cast<int>((most + 1) / 2);  // a user has two
 }
 
