@@ -8,6 +8,7 @@
 
 #include <sstream>
 #include <type_traits>
+#include <utility>
 
 namespace subworld {
 
@@ -108,19 +109,24 @@ void read_freedom(const YamlValue& value, Settings& /*settings*/, UserSpec& user
   user.device.degrees_of_freedom = freedom;
 }
 
-/// The engine's name is checked when the engine is made: this room knows no engines. A longest sub-step is meant for
-/// the engine and preset that were named with it.
-template <EngineSettings Settings::*engine, std::string EngineSettings::*name>
+/// The engine's name is checked when the engine is made: this room knows no engines. A preset that not all engines have
+/// is meant for the engine that was named with it, and for its other precision; a longest sub-step for engine and
+/// preset.
+template <EngineSettings Settings::*engine>
 void read_engine(const YamlValue& value, Settings& settings, UserSpec& /*user*/) {
-  settings.*engine.*name = value.name();
-  (settings.*engine).longest_substep_s.reset();
+  EngineSettings& now = settings.*engine;
+  const std::string before = std::exchange(now.name, value.name());
+  const bool related = before.starts_with(now.name) || now.name.starts_with(before);
+  if (!related && now.preset != "quality") now.preset = EngineSettings{}.preset;
+  now.longest_substep_s.reset();
 }
 
 /// A preset of another name is one of a plug-in, which a scene that others shall run does not name.
 template <EngineSettings Settings::*engine>
-void read_preset(const YamlValue& value, Settings& settings, UserSpec& user) {
+void read_preset(const YamlValue& value, Settings& settings, UserSpec& /*user*/) {
   if (!value.file().empty()) (void)value.choice({"fast", "quality", "large"});
-  read_engine<engine, &EngineSettings::preset>(value, settings, user);
+  (settings.*engine).preset = value.name();
+  (settings.*engine).longest_substep_s.reset();
 }
 
 std::string text_of_ratio(const Settings& s) { return to_text(s.ratio_bounds()); }
@@ -132,7 +138,6 @@ std::string text_of_disabled(const Settings& s) {
 using Words = Setting::Range;
 using S = Settings;
 using Delay = DelaySettings;
-using Engine = EngineSettings;
 
 // Key, member, range, meaning, readers, short form, default in words, own reader, own text.
 const std::vector<Setting> kSettings{
@@ -191,7 +196,7 @@ const std::vector<Setting> kSettings{
     {"delay.seed", RUN(delay.seed), kLarge, "seed of jitter and loss", kEveryone},
 
     {"world.engine", RUN(world.name), kAny, "physics engine of the world", kOfWorld, "--engine", "",
-     read_engine<&S::world, &Engine::name>},
+     read_engine<&S::world>},
     {"world.preset", RUN(world.preset), kAny, "settings that the engine brings: fast, quality, or large (Bullet)",
      kOfWorld, "", "", read_preset<&S::world>},
     {"world.iterations", RUN(world.iterations), Limits{1, 1e5}, "solver iterations", kOfWorld, "", kOfPreset},
@@ -203,7 +208,7 @@ const std::vector<Setting> kSettings{
     {"world.threads", RUN(world.threads), Limits{1, 256}, "threads that share a step, in Bullet's preset large",
      kOfWorld, "--world-threads", "1, or the cores of the world"},
     {"haptic.engine", RUN(haptic.name), kAny, "physics engine of the sub-worlds", kHaptic, "--haptic-engine", "",
-     read_engine<&S::haptic, &Engine::name>},
+     read_engine<&S::haptic>},
     {"haptic.preset", RUN(haptic.preset), kAny, "settings that the engine brings: fast, quality, or large (Bullet)",
      kHaptic, "", "", read_preset<&S::haptic>},
     {"haptic.iterations", RUN(haptic.iterations), Limits{1, 1e5}, "solver iterations", kHaptic, "", kOfPreset},

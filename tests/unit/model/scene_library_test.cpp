@@ -169,6 +169,19 @@ INSTANTIATE_TEST_SUITE_P(Design10, CanonicalScene,
                                          Canon{"card_house", 89, 1, 0.20, 10.0}, Canon{"basin", 8000, 1, 0.20, 24.0}),
                          [](const auto& at) { return std::string(at.param.scene); });
 
+// A flag that names an engine without the scene's preset.
+TEST(SceneLibrary, AnotherEngineHasAPresetOfItsOwn) {
+  const auto preset = [](const std::vector<SettingChange>& changes) {
+    Scene scene = load_scene(std::string(SCENES_FOLDER) + "/basin.yaml");
+    apply_changes(changes, scene);
+    return scene.settings.world.preset;
+  };
+  EXPECT_EQ(preset({}), "large");
+  EXPECT_EQ(preset({{"world.engine", "bullet"}}), "large") << "the other precision";
+  EXPECT_EQ(preset({{"world.engine", "rapier"}}), "fast");
+  EXPECT_EQ(preset({{"world.preset", "quality"}, {"world.engine", "rapier"}}), "quality");
+}
+
 TEST(SceneLibrary, EveryFileIsTested) {
   const std::set<std::string> tested{
       "row",          "press",           "scatter",        "tower_inside", "tower_press", "tower_base",    "heap",
