@@ -88,8 +88,20 @@ TEST(Approach, OfManyBodiesThatComeTheFirstOnesAreAtTheBorder) {
     if (pair.inside == BodyId{0}) of_inside.insert(pair.outside);
   }
   EXPECT_EQ(outside.size(), 64U);
-  EXPECT_LE(border.size(), 512U);
   EXPECT_GE(of_inside.size(), 4U) << "the four over the inside";
+}
+
+// All of them come to one place, so that each may meet each.
+TEST(Approach, OfManyPairsTheFirstOnesAreAtTheBorder) {
+  Two two;
+  two.scene.bodies.resize(1);
+  two.states.resize(1);
+  for (int i = 0; i < 100; ++i) {
+    two.scene.bodies.push_back(test::cube(BodyId(i + 1), kSide_m));
+    two.states.push_back(test::at(0.3 * (i % 10 - 4.5), 0.3 * (i / 10 - 4.5), 0.3));
+    two.states.back().linear_velocity = -two.states.back().position / kTime_s;
+  }
+  EXPECT_EQ(two.near().size(), 512U);
 }
 
 TEST(Approach, ASlowOrRecedingBodyIsNot) {
