@@ -27,6 +27,25 @@ TEST(Placement, TheWorldTakesTheLastCoreAndTheOthersTheRest) {
   EXPECT_EQ(to_text(place(scene_for(4), kFour).others), "0,1,2");
 }
 
+TEST(Placement, AnEngineThatSharesItsStepsHasTheCoresThatTheOthersLeave) {
+  Scene scene = scene_for(1);
+  EXPECT_EQ(to_text(place(scene, kFour).world), "3") << "a preset that shares nothing";
+  scene.settings.world.preset = "large";
+  const Placement four = place(scene, kFour);
+  EXPECT_EQ(to_text(four.world), "1,2,3");
+  EXPECT_EQ(to_text(four.others), "0");
+  EXPECT_EQ(to_text(place(scene, kTwo).world), "5");
+  Options options;
+  share_steps(options, scene, four);
+  EXPECT_EQ(scene.settings.world.threads, 3);
+  EXPECT_EQ(flag_of(options, "world.threads"), "--set world.threads") << "the programs are told";
+  scene.settings.world.threads = 2;
+  EXPECT_EQ(to_text(place(scene, kFour).world), "2,3");
+  Scene many = scene_for(6);
+  many.settings.world.preset = "large";
+  EXPECT_EQ(place(many, std::vector<int>{0, 1, 2, 3, 4, 5}).others.size(), 4U) << "0.52 cores for each user";
+}
+
 TEST(Placement, NothingIsPlacedWhereTheHapticLoopsNeedAllCores) {
   EXPECT_TRUE(place(scene_for(3), kTwo).world.empty());
   EXPECT_TRUE(place(scene_for(8), kFour).of("haptic_sim").empty());

@@ -1,6 +1,7 @@
 // Bullet's preset large: contacts that are found ahead and hold for several steps.
 
 #include "model/shapes/mass_properties.hpp"
+#include "physics/shells/live_engine.hpp"
 #include "support/engines.hpp"
 
 #include <gtest/gtest.h>
@@ -8,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 namespace subworld {
@@ -181,6 +183,41 @@ TEST_P(BulletLarge, ADrivenBodyHitsWithTheMassThatItHas) {
   });
   run(0.1);
   for (const BodyId id : {cube, ball}) EXPECT_NEAR(engine->state(id).linear_velocity.x(), 0.5 * speed_m_s, 0.1);
+}
+
+// Its spin changes by itself within a step, so that it is driven between sub-steps of at most 5 ms.
+TEST_P(BulletLarge, ADrivenBodyThatTumblesFollowsTheForcesOfAllSubSteps) {
+  BodyState state;
+  state.position = Vec3(0, 0, 50);
+  const BodyId plate = add({.kind = ShapeKind::box, .half_extents = {0.5, 0.3, 0.1}}, 10.0, state);
+  const double dt = GetParam().dt;
+  double expected = 0.0, until_now_s = 0.0;
+  int parts = 0;
+  engine->step_driven(dt, {&plate, 1}, [&](double until_s, double h) {
+    EXPECT_NEAR(until_s, until_now_s + h, 1e-9);
+    until_now_s = until_s;
+    const double force = 100.0 * ++parts;
+    engine->apply_force(plate, {0, 0, force}, Vec3::Zero());
+    expected += h * (force / 10.0 - test::kG);
+  });
+  EXPECT_EQ(parts, dt > 5e-3 ? 4 : 1);
+  EXPECT_NEAR(until_now_s, dt, 1e-9);
+  EXPECT_NEAR(engine->state(plate).linear_velocity.z(), expected, 1e-5);
+}
+
+// An engine that takes over is warmed up with the loads of the last part, not with their sum.
+TEST_P(BulletLarge, AnEngineThatIsReplacedKnowsTheLoadOfTheLastPart) {
+  LiveEngine live(std::move(engine));
+  Body ball;
+  ball.shape = {.kind = ShapeKind::sphere, .radius = 0.5};
+  ball.mass = 10.0;
+  ball.inertia = principal_inertia(ball.shape, ball.mass);
+  live.add(ball, {}, Role::body);
+  live.step_driven(GetParam().dt, {&ball.id, 1}, [&](double, double) {
+    live.apply_force(ball.id, {0, 0, 30}, Vec3::Zero());
+  });
+  ASSERT_EQ(live.content().size(), 1U);
+  EXPECT_EQ(live.content()[0].load.force.z(), 30.0);
 }
 
 TEST_P(BulletLarge, NoResultDependsOnTheNumberOfThreads) {

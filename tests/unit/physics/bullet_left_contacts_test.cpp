@@ -33,7 +33,7 @@ class WokenStack : public testing::TestWithParam<test::Tested> {
       slept.push_back(engine->state(id));
       slept.back().linear_velocity = slept.back().angular_velocity = Vec3::Zero();
     }
-    for (const BodyId id : cubes()) engine->remove(id);
+    engine->remove_all(cubes());
     engine->step(kStep_s);
   }
   static std::vector<BodyId> cubes() {
