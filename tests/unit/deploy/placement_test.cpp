@@ -38,7 +38,7 @@ TEST(Placement, AnEngineThatSharesItsStepsHasTheCoresThatTheOthersLeave) {
   Options options;
   share_steps(options, scene, four);
   EXPECT_EQ(scene.settings.world.threads, 3);
-  EXPECT_EQ(flag_of(options, "world.threads"), "--set world.threads") << "the programs are told";
+  EXPECT_EQ(flag_of(options, "world.threads"), "--set world.threads");
   scene.settings.world.threads = 2;
   EXPECT_EQ(to_text(place(scene, kFour).world), "2,3");
   Scene many = scene_for(6);
