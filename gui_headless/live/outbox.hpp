@@ -58,7 +58,11 @@ class Outbox {
       data_bytes_ -= std::exchange(same->sample, std::move(sample)).bytes->size();
       ++dropped_;
     }
-    for (; data_bytes_ > limits_.data_bytes && data_.size() > 1; ++dropped_) (void)take_data();
+    shrink(limits_.data_bytes);
+  }
+  /// Drops the oldest data beyond a size.
+  void shrink(std::size_t data_bytes) {
+    for (; data_bytes_ > data_bytes && data_.size() > 1; ++dropped_) (void)take_data();
   }
   /// Drops what waits for a subscription that ends.
   void forget(std::uint32_t subscription) {

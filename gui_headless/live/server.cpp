@@ -31,9 +31,10 @@ namespace {
 
 constexpr std::size_t kMostConnections = 64, kMostSubscriptions = 1024;
 constexpr int kSendBufferBytes = 256 << 10;                       // of the kernel, for each client
+constexpr int kUnsentBytes = 64 << 10;                            // at most there; the rest is for the end of the run
 constexpr unsigned kHeaderBytes = 8U << 10U, kRequestTime_s = 5;  // at most, of a request
 constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / 60};   // the highest rate of a channel
-constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{2000};
+constexpr std::chrono::milliseconds kIdlePeriod{250}, kInspection{500}, kFarewell{2000}, kLook{50};
 
 constexpr std::string_view kOrderTopic = "/control";
 }  // namespace
@@ -152,6 +153,7 @@ struct Server::Parts {
     constexpr int kOn = 1;
     setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &kOn, sizeof kOn);
     setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &kSendBufferBytes, sizeof kSendBufferBytes);
+    setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kUnsentBytes, sizeof kUnsentBytes);
     if (socket < 0)  // as where no file is left to open
       lws_rx_flow_control(listener, 0);
     else if (!make_place())
@@ -176,12 +178,13 @@ struct Server::Parts {
   }
 
   void tick() {
-    done = leaving;
-    if (leaving) return;
+    const auto now = Session::Clock::now();
+    done = leaving && now >= latest_end;
+    if (leaving) return schedule(kLook);  // its time may have come just before the end of the run
     schedule(subscribers > 0 ? kPeriod : std::chrono::nanoseconds(kIdlePeriod));
     lws_rx_flow_control(listener, 1);
     if (subscribers > 0) sources.poll(deliver);
-    if (const auto now = Session::Clock::now(); now >= next_inspection) {
+    if (now >= next_inspection) {
       next_inspection = now + kInspection;
       orders.inspect(now);
       tools.inspect(now);
@@ -195,7 +198,8 @@ struct Server::Parts {
     done = sessions.empty();
     lws_set_timeout(listener, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
     for (const auto& session : sessions) session->close();
-    schedule(kFarewell);
+    latest_end = Session::Clock::now() + kFarewell;
+    schedule(kLook);
   }
 
   void opened(Session& session) {
@@ -299,6 +303,7 @@ struct Server::Parts {
   bool leaving = false;
   bool done = false;
   Session::Clock::time_point next_inspection;
+  Session::Clock::time_point latest_end;
   std::vector<std::unique_ptr<Session>> sessions;
   const Sources::Deliver deliver = [this](const Channel& channel, const Sample& sample) {
     for (const auto& session : sessions)

@@ -3,6 +3,8 @@
 #include <arpa/inet.h>
 #include <fmt/core.h>
 #include <libwebsockets.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <strings.h>
 
 #include <algorithm>
@@ -28,6 +30,7 @@ constexpr std::string_view kPageHeaders =
     "Referrer-Policy: no-referrer\r\n"  // the address may hold the token
     "X-Content-Type-Options: nosniff\r\n";
 constexpr std::chrono::seconds kStuck{10};
+constexpr std::size_t kLastBytes = 128U << 10U;                   // of data, at the end of the run
 constexpr std::size_t kMostViewers = 32, kMostOtherViewers = 24;  // other than own pages, or clients with the token
 constexpr int kMostHostBytes = 256;
 // Foxglove and Lichtblick as web sites, Lichtblick in a container, and both as desktop programs.
@@ -229,6 +232,10 @@ void Session::inspect(Clock::time_point now) {
 
 void Session::close() {
   if (!open_) return reset();
+  // All fits into the kernel's memory, which sends it also when this program has ended: a browser may be too busy now.
+  constexpr int kAsSystem = 0;
+  setsockopt(lws_get_socket_fd(connection_), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kAsSystem, sizeof kAsSystem);
+  outbox_.shrink(kLastBytes);
   farewell_ = true;
   await_write();
 }

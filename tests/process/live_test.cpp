@@ -98,6 +98,20 @@ TEST_F(Live, TellsASlowClientWhatItMissed) {
   end();
 }
 
+TEST_F(Live, TellsAClientThatIsBusyOfTheEnd) {
+  begin();
+  std::string display;
+  for (const Running& one : running(out()))
+    if (one.words.front().ends_with("gui_headless")) display = std::to_string(one.pid);
+  const TemporaryFolder folder;
+  Process viewer({"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/live_client/live_client.py", "busy",
+                  address_, display},
+                 folder.path());
+  ASSERT_TRUE(eventually([&] { return viewer.out() == "ready\n"; })) << viewer.err();
+  end();
+  EXPECT_EQ(viewer.wait().value_or(-1), 0) << viewer.err();
+}
+
 TEST_F(Live, DisconnectsAClientThatDoesNotRead) {
   begin();
   const double before_mb = memory_mb();

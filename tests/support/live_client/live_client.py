@@ -251,6 +251,22 @@ async def slow(address):
         text = text[-64:] + part
 
 
+async def busy(address, display):
+    """A client that does not read until the display's process has ended still learns that the run ended. Prints "ready"
+    before."""
+    connection = flooded(address, 90)
+    time.sleep(2)
+    print("ready", flush=True)
+    end = time.monotonic() + LIMIT_S
+    while os.path.exists(f"/proc/{display}"):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    last = b""
+    while part := connection.recv(1 << 20):
+        last = (last + part)[-64:]
+    assert last.endswith(frame(struct.pack(">H", 1001) + b"the run ended", opcode=8, masked=False)), last
+
+
 async def stalled(address):
     """A client that never reads is disconnected. Meanwhile another one is served."""
     connection = flooded(address, 90)
