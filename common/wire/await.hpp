@@ -21,15 +21,15 @@ struct Peer {
 inline constexpr const char* kEndsWithoutIt = "; a run in lock-step ends without it";
 
 /// Whether a peer is alive although no sample arrives: its writer is alive, and its status too.
-template <class M>
-bool alive(const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) noexcept {
+template <class From>
+bool alive(const From& reader, const StatusBeacon& status, const Peer& peer) noexcept {
   return reader.alive_writers() > 0 && status.hears(peer.program, peer.instance);
 }
 
 /// Error text for a message to a peer that could not be sent in lock-step, where writing waits for slow readers.
 /// `reader` receives the peer's messages.
-template <class M>
-std::string unsent_text(const char* topic, const Reader<M>& reader, const StatusBeacon& status, const Peer& peer) {
+template <class From>
+std::string unsent_text(const char* topic, const From& reader, const StatusBeacon& status, const Peer& peer) {
   if (!alive(reader, status, peer)) return status.gone_text(peer.program, peer.instance) + kEndsWithoutIt;
   return std::string(topic) + " could not be sent; is " + label_of(peer.program, peer.instance) + " stuck?";
 }
@@ -43,8 +43,8 @@ inline std::string place_of(const HapticReport& one) {
 }
 
 /// What a program that stands in lock-step waits for, and what it knows of the sender. `newest`: the sample taken last.
-template <class M>
-std::string waiting_text(const Reader<M>& reader, const M& newest, const StatusBeacon& status, const Peer& peer) {
+template <class From, class M>
+std::string waiting_text(const From& reader, const M& newest, const StatusBeacon& status, const Peer& peer) {
   const auto age_ms = static_cast<int>(1e3 * status.status_age_s(peer.program, peer.instance));
   return "waits for " + label_of(peer.program, peer.instance) + ": " + kTopicOf<M>.name + " after " + place_of(newest) +
          "; writers matched " + std::to_string(reader.matched()) + ", alive " + std::to_string(reader.alive_writers()) +
@@ -58,8 +58,8 @@ std::string waiting_text(const Reader<M>& reader, const M& newest, const StatusB
 /// own word that it ends, 2 s where another process has begun in its place, or samples come of another run. The time is
 /// this process's own, so that a suspended machine is not mistaken for a dead peer; on a busy one the middleware's
 /// threads of a living peer may be silent for seconds.
-template <class M, class Stages, class Ours, class Stopped, class OnLoss>
-bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
+template <class From, class M, class Stages, class Ours, class Stopped, class OnLoss>
+bool await(Bus& bus, StatusBeacon& status, From& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
            Stopped stopped, OnLoss on_loss) {
   using namespace std::chrono_literals;
   using WallClock = std::chrono::steady_clock;
@@ -99,8 +99,8 @@ bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages&
 }
 
 /// The same for a peer without which the run ends: throws `Error` (failed) that names it.
-template <class M, class Stages, class Ours, class Stopped>
-bool await(Bus& bus, StatusBeacon& status, Reader<M>& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
+template <class From, class M, class Stages, class Ours, class Stopped>
+bool await(Bus& bus, StatusBeacon& status, From& reader, M& sample, Stages& stages, const Peer& peer, Ours ours,
            Stopped stopped) {
   return await(bus, status, reader, sample, stages, peer, ours, stopped,
                [](const std::string& text) { throw Error(ExitCode::failed, text + kEndsWithoutIt); });

@@ -228,6 +228,7 @@ inline constexpr int kMessageBytes = 65500;
 struct Opening {
   int domain = 0;
   int participants = 0;  ///< of the domain on a host, at most
+  double thinning = 1.0;
   std::string participant_name;
   std::string interface_address;   ///< flag; empty: as in the settings, else the default
   std::vector<std::string> peers;  ///< flag; empty: as in the settings, else the interface itself

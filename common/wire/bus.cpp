@@ -137,6 +137,7 @@ struct Bus::Impl {
     const TopicSpec& of = shared_period_s ? kSharedDeviceState : kTopics[topic];
     const double period_s = shared_period_s.value_or(config.device_period_s);
     wire::EndpointSpec spec{of, qos_of(of, config.mode, period_s, config.cycle_s), partition};
+    spec.qos.repeat_s *= thinning(config.users);
     if (config.mode == Mode::realtime && config.delay.any() && of.delayed)
       spec.transit = {Journey(config.delay, user_of_partition(partition)), *of.delayed,
                       of.reliability == Reliability::reliable};
@@ -318,6 +319,7 @@ std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, 
                    .device_period_s = device_period_s,
                    .cycle_s = settings.longest_cycle_s(),
                    .delay = settings.delay,
+                   .users = settings.users,
                    .participants = searched_participants(network, settings.users),
                    .participant_name = participant_name});
 }

@@ -31,6 +31,7 @@ struct BusConfig {
   double device_period_s = 0.001;  ///< for deadlines
   double cycle_s = 0.004;          ///< the longest cycle, for deadlines
   DelaySettings delay;             ///< of the samples of its readers, in real time
+  int users = 0;                   ///< of the run; 0: not known
   int participants = 32;           ///< of the domain on a host, at most: each host is searched for so many
   std::string participant_name = "subworld";
 };
@@ -193,6 +194,7 @@ class Bus {
 /// Each user's frames and reports, and each device's states and commands, have their own partition.
 inline std::string user_partition(int user) { return "user_" + std::to_string(user); }
 inline std::string device_partition(int device) { return "device_" + std::to_string(device); }
+inline constexpr const char* kAllDevices = "device_*";
 /// Longest regular time between two samples of kSharedDeviceState for a device of this rate, s.
 [[nodiscard]] double shared_period_s(const Settings& settings, double rate_hz) noexcept;
 

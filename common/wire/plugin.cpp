@@ -142,6 +142,7 @@ Opening prepare(const BusConfig& config) {
   Opening opening;
   opening.domain = config.domain;
   opening.participants = config.participants;
+  opening.thinning = thinning(config.users);
   opening.participant_name = config.participant_name;
   const VendorFacts& vendor = facts(config.vendor);
   const char* variable = settings_variable(config.vendor);

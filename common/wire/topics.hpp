@@ -95,14 +95,26 @@ inline constexpr TopicSpec kSharedDeviceState = [] {
 }();
 inline constexpr double kShared_s = 0.004;
 
+inline constexpr double kRepeat_s = 0.02;
+
+/// Each program repeats to each other one what it should know, until it knows it. That grows with the square of their
+/// number, and on machines that are short of time all wait for these messages. Therefore they come later by this
+/// factor.
+constexpr double thinning(int users) noexcept {
+  constexpr double kUsual = 8.0;
+  return std::max(1.0, users / kUsual);
+}
+
 /// Quality of service that a reader or writer requests.
 struct Qos {
   bool reliable = false;
   bool transient_local = false;
-  bool keep_all = false;    ///< until all readers have received them
-  int depth = 1;            ///< unless keep_all
-  double deadline_s = 0.0;  ///< 0: none
-  double lease_s = 0.1;     ///< automatic liveliness
+  bool keep_all = false;        ///< until all readers have received them
+  int depth = 1;                ///< unless keep_all
+  double deadline_s = 0.0;      ///< 0: none
+  double lease_s = 0.1;         ///< of liveliness
+  bool writes_live = false;     ///< each sample renews the lease; else the participant does, at each other one
+  double repeat_s = kRepeat_s;  ///< a writer says again what a reader should have
   double max_blocking_s = 0.0;
 };
 
@@ -118,7 +130,7 @@ constexpr double deadline_s(double interval_s) noexcept {
   return (static_cast<double>(begun) + 1.9) * kMillisecond;
 }
 
-inline constexpr double kLongLease_s = 1.0;
+inline constexpr double kLongLease_s = 3.0;
 
 /// In lock-step a lost sample would stop the run. Therefore every topic is reliable, keep-all and without deadline. It
 /// is transient local too, because a volatile reader may miss samples written in the milliseconds after both sides have
@@ -126,9 +138,10 @@ inline constexpr double kLongLease_s = 1.0;
 constexpr Qos qos_of(const TopicSpec& topic, Mode mode, double device_period_s, double cycle_s) noexcept {
   Qos qos;
   qos.transient_local = topic.durability == Durability::transient_local;
-  // Each participant renews its lease at each other one, so that the messages grow with the square of their number.
   // Lock-step has no use for a short lease. What late joiners read must match in both modes.
-  if (mode == Mode::lockstep || qos.transient_local) qos.lease_s = kLongLease_s;
+  qos.writes_live = mode == Mode::realtime && topic.deadline != DeadlineKind::none;
+  if (!qos.writes_live) qos.lease_s = kLongLease_s;
+  if (qos.transient_local) qos.repeat_s = 10.0 * kRepeat_s;  // nothing waits for these
   if (mode == Mode::lockstep) {
     qos.reliable = true;
     qos.keep_all = true;

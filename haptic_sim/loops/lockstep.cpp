@@ -143,7 +143,7 @@ class LockstepLoop : HapticRun {
     }
     if (lost_[peer]) return true;
     const bool awaited = needed && !order_.misses_by_plan(peer);
-    Reader<DeviceState>& reader = ports.peer_devices.open(peer);
+    AllDevices::Of reader = ports.all_devices->of(peer);
     // A state that says that its device has just been started is of one that waits for the world to let it take part:
     // then those of this step never come. It may also be old, and be followed by them.
     const auto ours = [&](const DeviceState& came) {

@@ -36,11 +36,14 @@ class LockstepStart : HapticRun {
   /// Each state of the others' devices counts from the first on. In a run under way, those count that are there.
   bool find_peer_devices() {
     if (!scheme().replicates_peers) return true;
+    int present = 0;
+    for (std::size_t u = 0; u < scene.users.size(); ++u)
+      present += takes_part(scene.settings.presence, static_cast<int>(u), 0.0) ? 1 : 0;
     for (std::uint32_t u = 0; u < scene.users.size(); ++u) {
       if (u == user() || !takes_part(scene.settings.presence, static_cast<int>(u), 0.0)) continue;
       const Wanted device{fmt::format("device of user {}", u), fmt::format("device_sim --user {}", u)};
       const auto there = [&] {
-        const bool matched = ports.peer_devices.open(u).matched() > 0;
+        const bool matched = ports.all_devices->matched() >= present;
         if (look() || (matched && ports.status.met(ProgramKind::device_sim, u))) return true;
         return is_late() && (matched || is_settled());
       };

@@ -10,8 +10,20 @@ constexpr std::uint64_t bit(std::size_t user) noexcept { return std::uint64_t{1}
 
 }  // namespace
 
-PeerDevices::PeerDevices(Bus& bus, const Scene& scene)
-    : bus_(bus), shared_(scene.settings.mode == Mode::realtime), readers_(scene.users.size()) {
+bool AllDevices::receive(std::size_t user) {
+  for (DeviceState came; waiting_[user].empty() && reader_.receive();) {
+    if (reader_.decode(came) && came.device < waiting_.size()) waiting_[came.device].push_back(came);
+  }
+  return !waiting_[user].empty();
+}
+
+bool AllDevices::Of::decode(DeviceState& state) {
+  state = all_.waiting_[user_].front();
+  all_.waiting_[user_].pop_front();
+  return true;
+}
+
+PeerDevices::PeerDevices(Bus& bus, const Scene& scene) : bus_(bus), readers_(scene.users.size()) {
   for (const UserSpec& user : scene.users) periods_s_.push_back(shared_period_s(scene.settings, user.device.rate_hz));
 }
 
@@ -24,15 +36,9 @@ void PeerDevices::stop() {
   thread_.join();
 }
 
-Reader<DeviceState>& PeerDevices::open(std::size_t user) {
-  std::optional<Reader<DeviceState>>& reader = readers_[user];
-  const std::string partition = device_partition(static_cast<int>(user));
-  if (!reader) {
-    reader.emplace(shared_ ? bus_.shared_device_reader(partition, periods_s_[user])
-                           : bus_.reader<DeviceState>(partition));
-  }
+void PeerDevices::open(std::size_t user) {
+  readers_[user].emplace(bus_.shared_device_reader(device_partition(static_cast<int>(user)), periods_s_[user]));
   open_.fetch_or(bit(user), std::memory_order_release);
-  return *reader;
 }
 
 void PeerDevices::open_in_background() {
@@ -51,7 +57,7 @@ void PeerDevices::work() {
     const std::uint64_t wanted = wanted_.load();
     for (std::uint64_t left = wanted & ~done; left != 0; left &= left - 1) {
       try {
-        (void)open(static_cast<std::size_t>(std::countr_zero(left)));
+        open(static_cast<std::size_t>(std::countr_zero(left)));
       } catch (const Error& error) {
         fault_ = error.what();  // the world's account of the device goes on to count
       }

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <semaphore>
 #include <span>
@@ -18,8 +19,39 @@
 
 namespace subworld {
 
-/// The devices of the other users. A reader is opened when its user can first be felt, so that others cost nothing, and
-/// in a thread of its own: opening takes milliseconds.
+/// All devices in lock-step, where each state counts from the first on. One reader: each is announced to each program,
+/// and one for each user would grow with the cube of their number.
+class AllDevices {
+ public:
+  AllDevices(Bus& bus, std::size_t users) : reader_(bus.reader<DeviceState>(kAllDevices)), waiting_(users) {}
+
+  [[nodiscard]] int matched() const noexcept { return reader_.matched(); }
+
+  /// The states of one user's device. As a `Reader`.
+  class Of {
+   public:
+    Of(AllDevices& all, std::size_t user) noexcept : all_(all), user_(user) {}
+    bool receive() { return all_.receive(user_); }
+    bool decode(DeviceState& state);
+    [[nodiscard]] int matched() const noexcept { return all_.reader_.matched(); }
+    [[nodiscard]] int alive_writers() const noexcept { return all_.reader_.alive_writers(); }
+    [[nodiscard]] std::uint64_t refused() const noexcept { return all_.reader_.refused(); }
+
+   private:
+    AllDevices& all_;
+    std::size_t user_;
+  };
+  [[nodiscard]] Of of(std::size_t user) noexcept { return {*this, user}; }
+
+ private:
+  bool receive(std::size_t user);
+
+  Reader<DeviceState> reader_;
+  std::vector<std::deque<DeviceState>> waiting_;  ///< by user
+};
+
+/// The devices of the other users in real time. A reader is opened when its user can first be felt, so that others cost
+/// nothing, and in a thread of its own: opening takes milliseconds.
 class PeerDevices {
  public:
   /// At most 64 users. The bus must outlive this.
@@ -28,8 +60,6 @@ class PeerDevices {
   PeerDevices(const PeerDevices&) = delete;
   PeerDevices& operator=(const PeerDevices&) = delete;
 
-  /// Opens the reader of a user now. Throws `Error` (middleware).
-  Reader<DeviceState>& open(std::size_t user);
   /// Starts the thread that opens readers for find(). It inherits the caller's scheduling.
   void open_in_background();
   /// The reader of a user's device; null until it is open. Does not block.
@@ -38,11 +68,11 @@ class PeerDevices {
   [[nodiscard]] std::string fault();
 
  private:
+  void open(std::size_t user);
   void work();
   void stop();
 
   Bus& bus_;
-  bool shared_;                                              ///< real time: of kSharedDeviceState
   std::vector<double> periods_s_;                            ///< of the devices, by user
   std::vector<std::optional<Reader<DeviceState>>> readers_;  ///< by user
   std::atomic<std::uint64_t> wanted_{0};                     ///< users whose readers find() has asked for

@@ -39,7 +39,8 @@ struct HapticPorts {
   Reader<WorldFrame> frames;
   Writer<HapticReport> reports;
   StatusBeacon status;
-  PeerDevices peer_devices;  ///< in lock-step all are open from the start, because a late reader would miss steps
+  PeerDevices peer_devices;               ///< in real time
+  std::optional<AllDevices> all_devices;  ///< in lock-step, where sub-worlds need them
 };
 
 /// Tells the device that the run is over, `times` times because one may get lost. `state`: the newest of the device.

@@ -79,7 +79,7 @@ pid_t start_helper(Vendor vendor, int domain) {
   const std::string number = std::to_string(domain);
   const pid_t child = fork();
   if (child == 0) {
-    execl(helper.c_str(), helper.c_str(), name_of(vendor), number.c_str(), static_cast<char*>(nullptr));
+    execl(helper.c_str(), helper.c_str(), name_of(vendor), number.c_str(), "realtime", static_cast<char*>(nullptr));
     _exit(127);
   }
   return child;
@@ -90,7 +90,9 @@ TEST_P(WireEvents, a_killed_writer_is_noticed) {
   const int domain = held.number();
   const pid_t child = start_helper(GetParam().first, domain);
   ASSERT_GT(child, 0);
-  const auto bus = open_bus(config_of(GetParam().second, domain));
+  BusConfig config = config_of(GetParam().second, domain, Mode::realtime);
+  config.device_period_s = config.cycle_s = 0.01;
+  const auto bus = open_bus(config);
   auto reader = bus->reader<DeviceState>();
   DeviceState state;
   const bool heard = until(*bus, [&] { return reader.take(state) == Take::sample && reader.alive_writers() == 1; });

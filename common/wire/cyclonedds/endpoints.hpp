@@ -28,7 +28,8 @@ inline QosPointer make_qos(const Qos& from) {
   dds_qset_history(qos.get(), from.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, from.depth);
   dds_qset_resource_limits(qos.get(), DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   if (from.deadline_s > 0.0) dds_qset_deadline(qos.get(), nanoseconds(from.deadline_s));
-  dds_qset_liveliness(qos.get(), DDS_LIVELINESS_AUTOMATIC, nanoseconds(from.lease_s));
+  dds_qset_liveliness(qos.get(), from.writes_live ? DDS_LIVELINESS_MANUAL_BY_TOPIC : DDS_LIVELINESS_AUTOMATIC,
+                      nanoseconds(from.lease_s));
   const dds_data_representation_id_t plain_cdr = DDS_DATA_REPRESENTATION_XCDR1;
   dds_qset_data_representation(qos.get(), 1, &plain_cdr);
   return qos;

@@ -2,6 +2,7 @@
 
 #include "wire/cyclonedds/vendor.hpp"
 
+#include <cmath>
 #include <fstream>
 #include <sstream>
 #include <string_view>
@@ -15,8 +16,8 @@ namespace {
 constexpr const char* kDefaults = R"(<CycloneDDS><Domain Id="any">
 <General><AllowMulticast>false</AllowMulticast><MaxMessageSize>{0}B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{1}</MaxAutoParticipantIndex>
-<LeaseDuration>10s</LeaseDuration><SPDPInterval>1s</SPDPInterval></Discovery>
-<Internal><HeartbeatInterval min="1ms" minsched="5ms" max="100ms">20ms</HeartbeatInterval>
+<LeaseDuration>10s</LeaseDuration><SPDPInterval>{2}us</SPDPInterval></Discovery>
+<Internal><HeartbeatInterval min="{3}us" minsched="{4}us" max="{2}us">{5}us</HeartbeatInterval>
 <GenerateKeyhash>true</GenerateKeyhash><NackDelay>1ms</NackDelay><WriterLingerDuration>100ms</WriterLingerDuration>
 <Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHighInit>256MB</WhcHighInit><WhcHigh>256MB</WhcHigh></Watermarks></Internal>
 </Domain></CycloneDDS>)";
@@ -65,8 +66,11 @@ std::string make_settings(const Opening& opening, std::string& route_text) {
     network += "</Peers></Discovery>";
   }
   route_text = route.text();
-  return fmt::format("{},{}{}<CycloneDDS><Domain Id=\"any\">{}</Domain></CycloneDDS>",
-                     fmt::format(fmt::runtime(kDefaults), kMessageBytes, opening.participants - 1), user,
+  const auto thinned_us = [&](double period_s) { return std::lround(1e6 * period_s * opening.thinning); };
+  const std::string defaults =
+      fmt::format(fmt::runtime(kDefaults), kMessageBytes, opening.participants - 1, thinned_us(1.0),
+                  thinned_us(0.05 * kRepeat_s), thinned_us(0.25 * kRepeat_s), thinned_us(kRepeat_s));
+  return fmt::format("{},{}{}<CycloneDDS><Domain Id=\"any\">{}</Domain></CycloneDDS>", defaults, user,
                      user.empty() ? "" : ",", network);
 }
 

@@ -21,7 +21,7 @@ void apply(const Qos& from, EndpointQos& to) {
   to.resource_limits().max_instances = from.keep_all ? 0 : kMostKeys;
   to.resource_limits().max_samples_per_instance = 0;
   if (from.deadline_s > 0.0) to.deadline().period = duration(from.deadline_s);
-  to.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
+  to.liveliness().kind = from.writes_live ? dds::MANUAL_BY_TOPIC_LIVELINESS_QOS : dds::AUTOMATIC_LIVELINESS_QOS;
   to.liveliness().lease_duration = duration(from.lease_s);
   to.liveliness().announcement_period = duration(0.4 * from.lease_s);
   to.data_sharing().off();
@@ -29,10 +29,10 @@ void apply(const Qos& from, EndpointQos& to) {
 }
 
 /// Requests lost datagrams again after milliseconds, not after the default's seconds.
-inline void hurry(dds::DataWriterQos& qos) {
+inline void hurry(dds::DataWriterQos& qos, double repeat_s) {
   auto& times = qos.reliable_writer_qos().times;
   times.initialHeartbeatDelay = duration(0.001);
-  times.heartbeatPeriod = duration(0.020);
+  times.heartbeatPeriod = duration(repeat_s);
   times.nackResponseDelay = duration(0.0);
   times.nackSupressionDuration = duration(0.0);
 }

@@ -112,7 +112,7 @@ dds::DomainParticipantQos participant_qos(dds::DomainParticipantFactory& factory
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   if (discovery == rtps::DiscoverySettings{}) {
     discovery.leaseDuration = duration(kLease_s);
-    discovery.leaseDuration_announcementperiod = duration(1.0);
+    discovery.leaseDuration_announcementperiod = duration(opening.thinning);
     discovery.initial_announcements.count = 10;
     discovery.initial_announcements.period = duration(0.05);
   }

@@ -54,7 +54,9 @@ TEST(WireTopics, realtime_follows_the_table) {
   EXPECT_TRUE(qos(kTopicOf<Status>).transient_local);
   EXPECT_FALSE(qos(kTopicOf<WorldFrame>).transient_local);
   for (const TopicSpec& topic : kTopics) {
-    EXPECT_EQ(qos(topic).lease_s, qos(topic).transient_local ? 1.0 : 0.1) << topic.name;
+    const bool is_written_each_period = topic.deadline != DeadlineKind::none;
+    EXPECT_EQ(qos(topic).lease_s, is_written_each_period ? 0.1 : 3.0) << topic.name;
+    EXPECT_EQ(qos(topic).writes_live, is_written_each_period) << "no messages of the participant's own: " << topic.name;
     EXPECT_EQ(qos(topic).max_blocking_s, 0.0) << topic.name;
     EXPECT_FALSE(qos(topic).keep_all) << topic.name;
   }
