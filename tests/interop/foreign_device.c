@@ -97,7 +97,7 @@ int main(int argc, char** argv) {
   char partition[32];
   snprintf(partition, sizeof partition, "device_%u", user);
   const double deadline_s = 2.9e-3; /* two periods, as the network page rounds them */
-  dds_qos_t* const slow = quality(1, 16, 0.0, 1.0, NULL);
+  dds_qos_t* const slow = quality(1, 16, 0.0, 3.0, NULL);
   dds_qos_t* const fast = quality(0, 8, deadline_s, 0.1, partition);
   const dds_entity_t me = required(dds_create_participant((dds_domainid_t)atoi(argv[1]), NULL, NULL), "participant");
   const dds_entity_t scenes = reader(me, topic(me, &subworld_msg_Scene_desc, "scene"), slow);

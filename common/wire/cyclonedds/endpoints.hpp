@@ -28,8 +28,7 @@ inline QosPointer make_qos(const Qos& from) {
   dds_qset_history(qos.get(), from.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, from.depth);
   dds_qset_resource_limits(qos.get(), DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   if (from.deadline_s > 0.0) dds_qset_deadline(qos.get(), nanoseconds(from.deadline_s));
-  dds_qset_liveliness(qos.get(), from.writes_live ? DDS_LIVELINESS_MANUAL_BY_TOPIC : DDS_LIVELINESS_AUTOMATIC,
-                      nanoseconds(from.lease_s));
+  dds_qset_liveliness(qos.get(), DDS_LIVELINESS_AUTOMATIC, nanoseconds(from.lease_s));
   const dds_data_representation_id_t plain_cdr = DDS_DATA_REPRESENTATION_XCDR1;
   dds_qset_data_representation(qos.get(), 1, &plain_cdr);
   return qos;
@@ -39,7 +38,10 @@ class CycloneWriter final : public BackendWriter {
  public:
   CycloneWriter(dds_entity_t publisher, dds_entity_t topic, const EndpointSpec& spec, EventSink& events)
       : BackendWriter(spec.topic.name, events), publisher_(publisher) {
-    writer_ = require(dds_create_writer(publisher, topic, make_qos(spec.qos).get(), listener().get()),
+    const QosPointer qos = make_qos(spec.qos);
+    if (spec.qos.writes_live)
+      dds_qset_liveliness(qos.get(), DDS_LIVELINESS_MANUAL_BY_TOPIC, nanoseconds(spec.qos.lease_s));
+    writer_ = require(dds_create_writer(publisher, topic, qos.get(), listener().get()),
                       fmt::format("writer of {}", spec.topic.name));
   }
   ~CycloneWriter() override { dds_delete(publisher_); }

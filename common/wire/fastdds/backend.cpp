@@ -76,6 +76,7 @@ class FastBackend final : public Backend {
     dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
     apply(spec.qos, qos);
     hurry(qos, spec.qos.repeat_s);
+    if (spec.qos.writes_live) qos.liveliness().kind = dds::MANUAL_BY_TOPIC_LIVELINESS_QOS;
     qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
     qos.writer_resource_limits().reader_filters_allocation = {0, 0};  // readers filter
     return std::make_unique<FastWriter>(participant_, publisher, topic(spec.topic), spec, qos, events_);

@@ -21,7 +21,7 @@ void apply(const Qos& from, EndpointQos& to) {
   to.resource_limits().max_instances = from.keep_all ? 0 : kMostKeys;
   to.resource_limits().max_samples_per_instance = 0;
   if (from.deadline_s > 0.0) to.deadline().period = duration(from.deadline_s);
-  to.liveliness().kind = from.writes_live ? dds::MANUAL_BY_TOPIC_LIVELINESS_QOS : dds::AUTOMATIC_LIVELINESS_QOS;
+  to.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
   to.liveliness().lease_duration = duration(from.lease_s);
   to.liveliness().announcement_period = duration(0.4 * from.lease_s);
   to.data_sharing().off();
