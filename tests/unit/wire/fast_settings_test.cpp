@@ -55,5 +55,19 @@ TEST(FastSettings, AnInterfaceKeepsTheLengthOfMessages) {
   EXPECT_EQ(message_bytes(folder.write("qos.xml", kSettings)), 1400U);
 }
 
+TEST(FastSettings, ProgramsOfManyUsersAnnounceThemselvesLessOften) {
+  for (const std::string& file : {std::string(), std::string(SOURCE_FOLDER) + "/deploy/qos/fastdds.xml"}) {
+    std::string route;
+    const Opening opening{.domain = 1,
+                          .participants = 120,
+                          .thinning = 4.0,
+                          .participant_name = "test",
+                          .interface_address = kDefaultInterface,
+                          .settings_file = file};
+    const auto qos = participant_qos(*dds::DomainParticipantFactory::get_instance(), opening, route);
+    EXPECT_EQ(qos.wire_protocol().builtin.discovery_config.leaseDuration_announcementperiod.seconds, 4) << file;
+  }
+}
+
 }  // namespace
 }  // namespace subworld::wire::fast

@@ -62,6 +62,12 @@ TEST(WireTopics, realtime_follows_the_table) {
   }
 }
 
+TEST(WireTopics, programs_of_many_users_repeat_in_proportion) {
+  EXPECT_EQ(thinning(0), 1.0);
+  EXPECT_EQ(thinning(8), 1.0);
+  EXPECT_EQ(thinning(64), 8.0);
+}
+
 // Vendors do not resume after an outage where the leases of a writer and its reader differ.
 TEST(WireTopics, a_lease_depends_on_topic_and_mode_alone) {
   for (const TopicSpec& topic : kTopics) {
