@@ -12,7 +12,8 @@ constexpr std::uint64_t bit(std::size_t user) noexcept { return std::uint64_t{1}
 
 bool AllDevices::receive(std::size_t user) {
   for (DeviceState came; waiting_[user].empty() && reader_.receive();) {
-    if (reader_.decode(came) && came.device < waiting_.size()) waiting_[came.device].push_back(came);
+    if (reader_.decode(came) && came.device < waiting_.size() && came.device != own_)
+      waiting_[came.device].push_back(came);
   }
   return !waiting_[user].empty();
 }

@@ -23,7 +23,9 @@ namespace subworld {
 /// and one for each user would grow with the cube of their number.
 class AllDevices {
  public:
-  AllDevices(Bus& bus, std::size_t users) : reader_(bus.reader<DeviceState>(kAllDevices)), waiting_(users) {}
+  /// `own`: the user whose device is not asked for here.
+  AllDevices(Bus& bus, std::size_t users, std::size_t own)
+      : reader_(bus.reader<DeviceState>(kAllDevices)), own_(own), waiting_(users) {}
 
   [[nodiscard]] int matched() const noexcept { return reader_.matched(); }
 
@@ -47,6 +49,7 @@ class AllDevices {
   bool receive(std::size_t user);
 
   Reader<DeviceState> reader_;
+  std::size_t own_;
   std::vector<std::deque<DeviceState>> waiting_;  ///< by user
 };
 

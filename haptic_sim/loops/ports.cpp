@@ -27,7 +27,7 @@ HapticPorts::HapticPorts(const Options& options, const Scene& scene_file)
   const std::size_t users = scene_file.users.size();
   if (users < 2 || !scheme_of(scene_file.settings).properties.replicates_peers) return;
   if (scene_file.settings.mode == Mode::realtime) peer_devices.open_in_background();
-  if (scene_file.settings.mode == Mode::lockstep) all_devices.emplace(*bus, users);
+  if (scene_file.settings.mode == Mode::lockstep) all_devices.emplace(*bus, users, options.user);
 }
 
 bool HapticPorts::send(HapticReport& report) noexcept {
