@@ -220,8 +220,10 @@ class Backend {
   std::string route_;
 };
 
-/// Size of one datagram; larger samples are sent in fragments.
+/// Longest datagram. On a network a datagram fits one packet: of a longer one the network loses the whole where it
+/// loses any of its packets. Larger samples are sent in fragments, and lost fragments again.
 inline constexpr int kMessageBytes = 65500;
+inline constexpr int kPacketHeaderBytes = 28;  ///< IP and UDP
 
 /// Parameters for opening a back end; addresses are dotted quads. Precedence: the user's flag, then the vendor's
 /// environment variable or settings file, then the built-in default.
@@ -230,6 +232,7 @@ struct Opening {
   int participants = 0;  ///< of the domain on a host, at most
   double thinning = 1.0;
   std::string participant_name;
+  int message_bytes = kMessageBytes;
   std::string interface_address;   ///< flag; empty: as in the settings, else the default
   std::vector<std::string> peers;  ///< flag; empty: as in the settings, else the interface itself
   std::string settings_file;       ///< empty: none

@@ -11,6 +11,7 @@
 #include <net/if.h>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -71,7 +72,18 @@ struct Interface {
   std::string address;  ///< IPv4; empty: there is none
   bool running = false;
   bool loopback = false;
+  int mtu = 1500;
 };
+
+/// Of this network namespace: /sys may show another one.
+int mtu_of(const char* name) {
+  ifreq request{};
+  std::strncpy(request.ifr_name, name, IFNAMSIZ - 1);
+  const int handle = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const bool known = ioctl(handle, SIOCGIFMTU, &request) == 0;
+  close(handle);
+  return known ? request.ifr_mtu : Interface{}.mtu;
+}
 
 constexpr const char* kLoopback = "127.0.0.1";
 
@@ -86,7 +98,7 @@ Interface find_interface(const std::string& wanted) {
     std::memcpy(&address, one->ifa_addr, sizeof address);
     const std::string text = to_text(address.sin_addr);
     if (wanted == text || wanted == one->ifa_name)
-      found = {text, (one->ifa_flags & IFF_RUNNING) != 0, (one->ifa_flags & IFF_LOOPBACK) != 0};
+      found = {text, (one->ifa_flags & IFF_RUNNING) != 0, (one->ifa_flags & IFF_LOOPBACK) != 0, mtu_of(one->ifa_name)};
   }
   freeifaddrs(all);
   return found;
@@ -153,6 +165,7 @@ Opening prepare(const BusConfig& config) {
   if (!config.interface_address.empty()) interface = usable_interface(config.interface_address);
   check_reach(config.peers, interface, users_settings);
   opening.interface_address = interface.address;
+  if (!interface.address.empty()) opening.message_bytes = std::min(interface.mtu - kPacketHeaderBytes, kMessageBytes);
   for (const std::string& peer : config.peers) {
     std::string error;
     opening.peers.push_back(try_resolve(peer, error));

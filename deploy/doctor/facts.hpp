@@ -73,7 +73,6 @@ struct Peer {
   bool neighbour_absent = false;  ///< on the same network, and the address is not in use
   bool refuses = true;            ///< an unused port of the domain answers that it is closed: nothing filters it
   bool refuses_full_size = true;  ///< also a datagram as long as the MTU of the interface
-  bool refuses_fragments = true;  ///< also a message of the vendors' length, in fragments
 };
 
 struct NetworkFacts {

@@ -189,19 +189,6 @@ void judge_path_mtu(const Facts& facts, Findings& out) {
   }
 }
 
-void judge_fragments(const Facts& facts, Findings& out) {
-  for (const Peer& peer : others(facts, true)) {
-    if (!peer.refuses_full_size || peer.refuses_fragments) continue;
-    out.push_back(
-        {.what = fmt::format("messages of {} bytes do not reach {}; single packets do", wire::kMessageBytes, peer.host),
-         .why = "they travel in fragments, which a firewall drops, or the network loses some of each: programs find "
-                "each other, and large frames do not come",
-         .cure = fmt::format("ssh {} sudo nft insert rule inet filter input ip frag-off '&' 0x1fff != 0 accept  # or "
-                             "shorter messages: maxMessageSize or MaxMessageSize in a file of --qos",
-                             peer.host)});
-  }
-}
-
 /// Where the vendor's library, the interface or a peer is at fault, that is the cause.
 void judge_joining(const Facts& facts, Findings& out) {
   const std::string& fault = facts.domain.fault;
@@ -273,7 +260,6 @@ constexpr std::array kNetworkChecks{
     Check{"firewall", "a UDP port of the domain that no program uses refuses a message: nothing filters it",
           judge_firewall},
     Check{"path_mtu", "packets as long as the MTU reach each peer", judge_path_mtu},
-    Check{"fragments", "messages of 65,500 bytes, in fragments, reach each peer", judge_fragments},
     Check{"joining", "a participant of the vendor can join the domain, with the file of --qos", judge_joining},
     Check{"ephemeral_ports", "the domain's ports are not among those that Linux gives to any socket",
           judge_ephemeral_ports},

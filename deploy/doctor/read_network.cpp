@@ -148,21 +148,20 @@ bool is_refused(const Udp& udp, int bytes) {
   return is_refusal(recv(udp.handle(), &nothing, sizeof nothing, MSG_DONTWAIT));
 }
 
-/// Sends datagrams to a closed port of the domain: first as long as the MTU, which no router may fragment, then one in
-/// fragments; after a second also short ones. Linux answers a host once a second, after a burst of six, and programs
-/// that search for their peers use up answers.
+/// Sends datagrams to a closed port of the domain: as long as the MTU, which no router may fragment; after a second
+/// also short ones. Linux answers a host once a second, after a burst of six, and programs that search for their peers
+/// use up answers.
 void probe(Peer& peer, const Interface& from, int port) {
   constexpr int kHeaders = 28, kLongest = 65'535, kShort = 16, kNeverFragment = IP_PMTUDISC_PROBE;
-  const Udp longest, fragmented, brief;
-  peer.refuses = peer.refuses_full_size = peer.refuses_fragments = false;
-  for (const Udp* one : {&longest, &fragmented, &brief}) {
+  const Udp longest, brief;
+  peer.refuses = peer.refuses_full_size = false;
+  for (const Udp* one : {&longest, &brief}) {
     if (!one->connect_to(from.address, peer.address, port)) return;
   }
   setsockopt(longest.handle(), IPPROTO_IP, IP_MTU_DISCOVER, &kNeverFragment, sizeof kNeverFragment);
   const auto begin = std::chrono::steady_clock::now();
-  for (auto since = 0ns; since < 3s && !peer.refuses_fragments; since = std::chrono::steady_clock::now() - begin) {
-    peer.refuses_full_size = peer.refuses_full_size || is_refused(longest, std::min(from.mtu, kLongest) - kHeaders);
-    peer.refuses_fragments = peer.refuses_full_size && is_refused(fragmented, wire::kMessageBytes);
+  for (auto since = 0ns; since < 3s && !peer.refuses_full_size; since = std::chrono::steady_clock::now() - begin) {
+    peer.refuses_full_size = is_refused(longest, std::min(from.mtu, kLongest) - kHeaders);
     peer.refuses = peer.refuses || peer.refuses_full_size || (since > 1s && is_refused(brief, kShort));
   }
 }

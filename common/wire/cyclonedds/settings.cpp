@@ -10,17 +10,20 @@
 namespace subworld::wire::cyclone {
 namespace {
 
-/// Defaults, which the settings file may override: unicast, whole-datagram messages, quick repair of losses, no
+/// Defaults, which the settings file may override: unicast, messages as long as a datagram, quick repair of losses, no
 /// throttling. Without adaptation the initial mark is the one that counts: 30 kB by default, beyond which a reader that
 /// was killed blocks its writers until its lease has expired.
 constexpr const char* kDefaults = R"(<CycloneDDS><Domain Id="any">
-<General><AllowMulticast>false</AllowMulticast><MaxMessageSize>{0}B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>
+<General><AllowMulticast>false</AllowMulticast><MaxMessageSize>{0}B</MaxMessageSize><FragmentSize>{6}B</FragmentSize></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{1}</MaxAutoParticipantIndex>
 <LeaseDuration>10s</LeaseDuration><SPDPInterval>{2}us</SPDPInterval></Discovery>
 <Internal><HeartbeatInterval min="{3}us" minsched="{4}us" max="{2}us">{5}us</HeartbeatInterval>
 <GenerateKeyhash>true</GenerateKeyhash><NackDelay>1ms</NackDelay><WriterLingerDuration>100ms</WriterLingerDuration>
 <Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHighInit>256MB</WhcHighInit><WhcHigh>256MB</WhcHigh></Watermarks></Internal>
 </Domain></CycloneDDS>)";
+
+constexpr int kPacketBytes = 1500 - kPacketHeaderBytes;  // on an interface of the user's settings
+constexpr int kFragmentHeaderBytes = 128;                // RTPS, as the vendor's defaults leave
 
 std::string read_file(const std::string& name) {
   std::ifstream file(name);
@@ -66,10 +69,11 @@ std::string make_settings(const Opening& opening, std::string& route_text) {
     network += "</Peers></Discovery>";
   }
   route_text = route.text();
+  const int message_bytes = route.address.empty() ? kPacketBytes : opening.message_bytes;
   const auto thinned_us = [&](double period_s) { return std::lround(1e6 * period_s * opening.thinning); };
-  const std::string defaults =
-      fmt::format(fmt::runtime(kDefaults), kMessageBytes, opening.participants - 1, thinned_us(1.0),
-                  thinned_us(0.05 * kRepeat_s), thinned_us(0.25 * kRepeat_s), thinned_us(kRepeat_s));
+  const std::string defaults = fmt::format(fmt::runtime(kDefaults), message_bytes, opening.participants - 1,
+                                           thinned_us(1.0), thinned_us(0.05 * kRepeat_s), thinned_us(0.25 * kRepeat_s),
+                                           thinned_us(kRepeat_s), message_bytes - kFragmentHeaderBytes);
   return fmt::format("{},{}{}<CycloneDDS><Domain Id=\"any\">{}</Domain></CycloneDDS>", defaults, user,
                      user.empty() ? "" : ",", network);
 }

@@ -40,14 +40,22 @@ void load_settings(dds::DomainParticipantFactory& factory, const Opening& openin
   }
 }
 
-void use_interface(dds::DomainParticipantQos& qos, const std::string& address, int participants) {
-  auto udp = std::make_shared<UDPv4TransportDescriptor>();
+/// Sends shorter messages than it can receive.
+struct Transport : UDPv4TransportDescriptor {
+  std::uint32_t sent_bytes = kMessageBytes;
+  [[nodiscard]] std::uint32_t max_message_size() const override { return sent_bytes; }
+};
+
+void use_interface(dds::DomainParticipantQos& qos, const std::string& address, const Opening& opening) {
+  auto udp = std::make_shared<Transport>();
   udp->maxMessageSize = kMessageBytes;
   for (const auto& one : qos.transport().user_transports) {
-    if (const auto* users = dynamic_cast<const UDPv4TransportDescriptor*>(one.get())) *udp = *users;
+    if (const auto* users = dynamic_cast<const UDPv4TransportDescriptor*>(one.get()))
+      static_cast<UDPv4TransportDescriptor&>(*udp) = *users;
   }
+  udp->sent_bytes = std::min(udp->maxMessageSize, static_cast<std::uint32_t>(opening.message_bytes));
   udp->interfaceWhiteList = {address};
-  udp->maxInitialPeersRange = std::max(udp->maxInitialPeersRange, static_cast<std::uint32_t>(participants));
+  udp->maxInitialPeersRange = std::max(udp->maxInitialPeersRange, static_cast<std::uint32_t>(opening.participants));
   if (udp->sendBufferSize == 0) udp->sendBufferSize = 1U << 20U;
   if (udp->receiveBufferSize == 0) udp->receiveBufferSize = 4U << 20U;
   qos.transport().user_transports = {udp};
@@ -120,7 +128,7 @@ dds::DomainParticipantQos participant_qos(dds::DomainParticipantFactory& factory
   const Route route(opening, !qos.transport().user_transports.empty(),
                     !qos.wire_protocol().builtin.initialPeersList.empty());
   if (!route.address.empty()) {
-    use_interface(qos, route.address, opening.participants);
+    use_interface(qos, route.address, opening);
     qos.wire_protocol().participant_id = free_participant_index(route.address, opening.domain, opening.participants);
   }
   if (route.peers) use_peers(qos, *route.peers);

@@ -74,6 +74,15 @@ TEST_F(NetworkLab, ALinkDelaysAndLosesAsRequested) {
   EXPECT_NE(ended.out.find(missed), std::string::npos) << ended.out;
 }
 
+// A datagram of 60,000 bytes is 41 packets, of which one is lost in a third of all cases.
+TEST_F(NetworkLab, ALossCostsALongMessageOnePacket) {
+  const Ended ended = measured({"--reliability", "reliable", "--rate", "60", "--payload", "60000", "--link", "loss 1%",
+                                "--duration", "2", "--baseline", "off", "--require", "lost_ratio<0.1"});
+  if (not_permitted(ended)) GTEST_SKIP() << "network namespaces are not permitted here: " << ended.err;
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  EXPECT_EQ(results().size(), 4U);
+}
+
 TEST_F(NetworkLab, AnInterruptedRunGoesOn) {
   const Words words{"--transport",  "loopback", "--reliability", "reliable", "--rate",    "200",
                     "--haptic-dds", "fastdds",  "--duration",    "0.3",      "--baseline"};

@@ -116,14 +116,13 @@ const std::vector<Fault>& faults() {
       {"peer_present",
        [](Facts& f) {
          Peer& peer = f.network.peers[0];
-         peer.neighbour_absent = true, peer.refuses = peer.refuses_full_size = peer.refuses_fragments = false;
+         peer.neighbour_absent = true, peer.refuses = peer.refuses_full_size = false;
        },
        "ip -brief address"},
       {"firewall", [](Facts& f) { f.network.peers[0].refuses = f.network.peers[0].refuses_full_size = false; },
        "udp dport 24900-25149 accept"},
       {"path_mtu", [](Facts& f) { f.network.peers[0].refuses_full_size = false, f.network.interfaces[1].mtu = 9000; },
        "ip link set eth0 mtu 1500"},
-      {"fragments", [](Facts& f) { f.network.peers[0].refuses_fragments = false; }, "frag-off"},
       {"joining", [](Facts& f) { f.domain.fault = "ports in use"; }, "--domain 100"},
       {"joining", [](Facts& f) { f.domain.fault = "QoS file no.xml: none", f.request.network.qos_file = "no.xml"; },
        "subworld doctor --domain 70 --interface eth0 --peers hostb"},

@@ -33,12 +33,14 @@ constexpr const char* kSettings = R"(<?xml version="1.0" encoding="UTF-8"?>
 </dds>
 )";
 
-/// Of the only transport, with --interface 127.0.0.1.
-std::uint32_t message_bytes(const std::string& settings_file) {
+/// Of the only transport, where a packet of the network holds `packet_bytes`: longest message that is received, and
+/// sent.
+std::pair<std::uint32_t, std::uint32_t> message_bytes(const std::string& settings_file, int packet_bytes) {
   std::string route;
   const Opening opening{.domain = 1,
                         .participants = 120,
                         .participant_name = "test",
+                        .message_bytes = packet_bytes,
                         .interface_address = kDefaultInterface,
                         .settings_file = settings_file};
   const auto qos = participant_qos(*dds::DomainParticipantFactory::get_instance(), opening, route);
@@ -46,13 +48,16 @@ std::uint32_t message_bytes(const std::string& settings_file) {
   EXPECT_EQ(transports.size(), 1U);
   const auto* udp = dynamic_cast<const UDPv4TransportDescriptor*>(transports.front().get());
   EXPECT_EQ(udp->interfaceWhiteList, std::vector<std::string>{kDefaultInterface});
-  return udp->maxMessageSize;
+  return {udp->maxMessageSize, udp->max_message_size()};
 }
 
-TEST(FastSettings, AnInterfaceKeepsTheLengthOfMessages) {
-  EXPECT_EQ(message_bytes(""), static_cast<std::uint32_t>(kMessageBytes));
+TEST(FastSettings, AMessageFitsAPacketAndLongerOnesAreReceived) {
+  EXPECT_EQ(message_bytes("", kMessageBytes), std::pair(65500U, 65500U));
+  EXPECT_EQ(message_bytes("", 1472), std::pair(65500U, 1472U));
   const TemporaryFolder folder;
-  EXPECT_EQ(message_bytes(folder.write("qos.xml", kSettings)), 1400U);
+  const std::string file = folder.write("qos.xml", kSettings);
+  EXPECT_EQ(message_bytes(file, kMessageBytes), std::pair(1400U, 1400U)) << "the file's";
+  EXPECT_EQ(message_bytes(file, 1000), std::pair(1400U, 1000U));
 }
 
 TEST(FastSettings, ProgramsOfManyUsersAnnounceThemselvesLessOften) {
