@@ -18,6 +18,7 @@ inline constexpr std::array kTools{
     Tool{"doctor", "Examines this machine, its network and a running domain; names faults with their cures"},
     Tool{"film", "Makes pictures, and a video, of a recording: any moment, camera and speed"},
     Tool{"import", "Makes a scene of a world in SDFormat, a robot in URDF or a model in MJCF"},
+    Tool{"keys", "Makes and checks keys, by which the programs of a run prove their roles (DDS Security)"},
     Tool{"link", "Emulates a network between hosts on this machine: delay, jitter, loss, rate, outage"},
     Tool{"recorder", "Records the programs of one host of a session, for `subworld up --record`"},
     Tool{"replay", "Shows what a recording holds, publishes it, and re-simulates it"},

@@ -55,6 +55,8 @@ struct EndpointSpec {
   [[nodiscard]] EventSink& events_or(EventSink& usual) const noexcept { return events != nullptr ? *events : usual; }
 };
 
+/// In place of a topic: a program that did not prove its role.
+inline constexpr const char* kParticipant = "participant";
 inline constexpr const char* kUnknownKey = "for a user or a program that does not exist";
 inline constexpr std::uint32_t kPartitionPolicy = 10;
 /// Policy ids of the DDS specification, used by both vendors.
@@ -225,6 +227,17 @@ class Backend {
 inline constexpr int kMessageBytes = 65500;
 inline constexpr int kPacketHeaderBytes = 28;  ///< IP and UDP
 
+inline constexpr const char* kKeysCure = "; examine the keys with `subworld keys check`";
+
+/// Files of DDS Security: what a program shows to prove its role, and by what it judges others.
+struct Keys {
+  std::string authority;    ///< certificate of the authority that signed all others
+  std::string governance;   ///< signed: what is protected
+  std::string certificate;  ///< of the role
+  std::string private_key;
+  std::string permissions;  ///< signed: what the role may publish
+};
+
 /// Parameters for opening a back end; addresses are dotted quads. Precedence: the user's flag, then the vendor's
 /// environment variable or settings file, then the built-in default.
 struct Opening {
@@ -238,6 +251,7 @@ struct Opening {
   std::string settings_file;       ///< empty: none
   bool settings_from_environment = false;
   std::string settings_source;  ///< for `effective_settings`
+  std::optional<Keys> keys;
 };
 
 inline constexpr const char* kDefaultInterface = "127.0.0.1";

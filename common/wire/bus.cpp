@@ -132,11 +132,12 @@ struct Bus::Impl {
   std::unique_ptr<wire::Backend> backend;  // declared after events: its threads report until it is destroyed
 
   [[nodiscard]] wire::EndpointSpec spec(std::size_t topic, const std::string& partition,
-                                        std::optional<double> shared_period_s = {}) const {
+                                        std::optional<double> shared_period_s = {},
+                                        std::optional<Mode> quality = {}) const {
     test_delay();
     const TopicSpec& of = shared_period_s ? kSharedDeviceState : kTopics[topic];
     const double period_s = shared_period_s.value_or(config.device_period_s);
-    wire::EndpointSpec spec{of, qos_of(of, config.mode, period_s, config.cycle_s), partition};
+    wire::EndpointSpec spec{of, qos_of(of, quality.value_or(config.mode), period_s, config.cycle_s), partition};
     spec.qos.repeat_s *= thinning(config.users);
     if (config.mode == Mode::realtime && config.delay.any() && of.delayed)
       spec.transit = {Journey(config.delay, user_of_partition(partition)), *of.delayed,
@@ -156,8 +157,8 @@ struct AnyWriter::Impl {
 };
 
 AnyWriter::AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition,
-                     std::optional<double> shared_period_s)
-    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition, shared_period_s)),
+                     std::optional<double> shared_period_s, std::optional<Mode> quality)
+    : impl_(new Impl{bus.impl_->backend->create_writer(bus.impl_->spec(topic, partition, shared_period_s, quality)),
                      make_codec(topic), static_cast<std::uint8_t>(topic), user_of_partition(partition),
                      !shared_period_s}) {}
 AnyWriter::AnyWriter(AnyWriter&&) noexcept = default;
@@ -267,9 +268,10 @@ Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   impl_->config = config;
   const wire::Opening opening = wire::prepare(config);
   impl_->backend.reset(wire::load_plugin(config.vendor)(opening, impl_->events));
-  impl_->settings = fmt::format("dds={} {} {} domain={} mode={} settings={}", name_of(config.vendor),
+  impl_->settings = fmt::format("dds={} {} {} domain={} mode={} settings={}{}", name_of(config.vendor),
                                 wire::installed_version(config.vendor), impl_->backend->route(), config.domain,
-                                config.mode == Mode::lockstep ? "lockstep" : "realtime", opening.settings_source);
+                                config.mode == Mode::lockstep ? "lockstep" : "realtime", opening.settings_source,
+                                opening.keys ? " secure=" + config.secure : "");
 }
 
 Bus::~Bus() = default;
@@ -285,6 +287,8 @@ double shared_period_s(const Settings& settings, double rate_hz) noexcept {
 }
 
 std::unique_ptr<Bus> open_bus(const BusConfig& config) { return std::make_unique<Bus>(config); }
+
+void check_keys(const std::string& folder, const std::string& program) { (void)wire::keys_of(folder, program); }
 
 void check_network(const Network& network) {
   (void)wire::prepare({.vendor = parse_vendor(network.dds),
@@ -316,6 +320,7 @@ std::unique_ptr<Bus> open_bus(const Network& network, const Settings& settings, 
                    .peers = network.peers,
                    .interface_address = network.interface_address,
                    .qos_file = network.qos_file,
+                   .secure = network.secure,
                    .device_period_s = device_period_s,
                    .cycle_s = settings.longest_cycle_s(),
                    .delay = settings.delay,

@@ -28,6 +28,7 @@ struct BusConfig {
   std::vector<std::string> peers;  ///< hosts of the other programs; empty: this host, or as the settings say
   std::string interface_address;   ///< empty: as the settings say, else 127.0.0.1
   std::string qos_file;            ///< vendor's settings; empty: its environment variable, else qos/ beside the program
+  std::string secure;              ///< folder of keys; empty: no security
   double device_period_s = 0.001;  ///< for deadlines
   double cycle_s = 0.004;          ///< the longest cycle, for deadlines
   DelaySettings delay;             ///< of the samples of its readers, in real time
@@ -58,7 +59,8 @@ class AnyWriter {
   [[nodiscard]] std::uint64_t sent_bytes() const noexcept;  ///< payload
 
  protected:
-  AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition, std::optional<double> shared_period_s);
+  AnyWriter(const Bus& bus, std::size_t topic, const std::string& partition, std::optional<double> shared_period_s,
+            std::optional<Mode> quality);
   bool write_any(const void* sample) noexcept;
 
  private:
@@ -76,8 +78,9 @@ class Writer : public AnyWriter {
 
  private:
   friend class Bus;
-  Writer(const Bus& bus, const std::string& partition, std::optional<double> shared_period_s = {})
-      : AnyWriter(bus, kTopicIndex<M>, partition, shared_period_s) {}
+  Writer(const Bus& bus, const std::string& partition, std::optional<double> shared_period_s = {},
+         std::optional<Mode> quality = {})
+      : AnyWriter(bus, kTopicIndex<M>, partition, shared_period_s, quality) {}
 };
 
 /// The part of a reader that is the same for all topics.
@@ -158,6 +161,11 @@ class Bus {
   [[nodiscard]] Writer<M> writer(const std::string& partition = {}) {
     return {*this, partition};
   }
+  /// From a bus of real time to readers of both modes: of lock-step quality.
+  template <class M>
+  [[nodiscard]] Writer<M> writer_to_all() {
+    return {*this, {}, {}, Mode::lockstep};
+  }
   template <class M>
   [[nodiscard]] Reader<M> reader(const std::string& partition = {}) {
     return {*this, partition};
@@ -200,6 +208,8 @@ inline constexpr const char* kAllDevices = "device_*";
 
 /// Throws `Error` (middleware) with place, fault and cure.
 [[nodiscard]] std::unique_ptr<Bus> open_bus(const BusConfig& config);
+/// Throws `Error` (middleware) where `open_bus` would not find the keys of a program, by its participant's name.
+void check_keys(const std::string& folder, const std::string& program);
 /// Checks interface, peers and settings file as open_bus does, without opening anything. Throws like it.
 void check_network(const Network& network);
 /// Opens a program's bus by its command line and scene.

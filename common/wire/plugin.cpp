@@ -147,6 +147,21 @@ std::vector<std::string> ignore_variables() {
   return ignored;
 }
 
+Keys keys_of(const std::string& folder, std::string_view program) {
+  std::string role(program.starts_with("subworld") ? "subworld" : program);
+  std::ranges::replace(role, ' ', '_');
+  const std::filesystem::path all = std::filesystem::absolute(folder), own = all / role;
+  const Keys keys{all / "authority.pem", all / "governance.p7s", own / "certificate.pem", own / "key.pem",
+                  own / "permissions.p7s"};
+  for (const std::string& file :
+       {keys.authority, keys.governance, keys.certificate, keys.private_key, keys.permissions}) {
+    if (access(file.c_str(), R_OK) == 0) continue;
+    fail(fmt::format("--secure {}: {}: {}; make the keys with `subworld keys make`, or copy this role's to this host",
+                     folder, file, std::strerror(errno)));
+  }
+  return keys;
+}
+
 Opening prepare(const BusConfig& config) {
   if (config.domain < 0 || config.domain > kLastDomain) {
     fail(fmt::format("DDS domain {}: use 0 .. {}", config.domain, kLastDomain));
@@ -174,6 +189,7 @@ Opening prepare(const BusConfig& config) {
           fmt::format("--peers: host {}: {}; give IPv4 addresses or names that this machine can resolve", peer, error));
   }
 
+  if (!config.secure.empty()) opening.keys = keys_of(config.secure, config.participant_name);
   const auto beside = program_folder() / "qos" / (std::string(vendor.name) + ".xml");
   if (!config.qos_file.empty()) {
     if (access(config.qos_file.c_str(), R_OK) != 0) {

@@ -33,6 +33,10 @@ std::vector<std::string> ignore_variables();
 /// Checks domain, interface and peers, resolves host names and finds the settings file. Throws `Error` (middleware).
 [[nodiscard]] Opening prepare(const BusConfig& config);
 
+/// Keys of a program in a folder that `subworld keys make` wrote; those of all commands of `subworld` are the same.
+/// Throws `Error` (middleware) where a file is missing.
+[[nodiscard]] Keys keys_of(const std::string& folder, std::string_view program);
+
 /// Loads the vendor's plug-in from $SUBWORLD_PLUGIN_DIR or from the program's folder. Throws `Error` (middleware) that
 /// names the missing file and its package.
 [[nodiscard]] OpenBackend load_plugin(Vendor vendor);

@@ -78,6 +78,7 @@ struct Peer {
 struct NetworkFacts {
   std::vector<Interface> interfaces = {};
   std::vector<Peer> peers = {};
+  std::vector<std::string> key_faults = {};  ///< of --secure
 };
 
 /// A port of the domain that another program has.

@@ -189,10 +189,21 @@ void judge_path_mtu(const Facts& facts, Findings& out) {
   }
 }
 
+void judge_keys(const Facts& facts, Findings& out) {
+  const std::string& folder = facts.request.network.secure;
+  for (const std::string& fault : facts.network.key_faults) {
+    out.push_back({.what = fault,
+                   .why = "a program with these keys does not start, or no other program hears it",
+                   .cure = fmt::format("rm -r {0} && subworld keys make {0} --users {1}  # or copy the role's folder "
+                                       "from the host where the keys were made",
+                                       folder, facts.domain.users.value_or(1))});
+  }
+}
+
 /// Where the vendor's library, the interface or a peer is at fault, that is the cause.
 void judge_joining(const Facts& facts, Findings& out) {
   const std::string& fault = facts.domain.fault;
-  constexpr std::array<std::string_view, 3> kCauses{"installation", "interface", "peer_names"};
+  constexpr std::array<std::string_view, 4> kCauses{"installation", "interface", "peer_names", "keys"};
   const bool explained = std::ranges::any_of(
       out, [&](const Finding& one) { return std::ranges::find(kCauses, one.check) != kCauses.end(); });
   if (fault.empty() || explained) return;
@@ -260,6 +271,7 @@ constexpr std::array kNetworkChecks{
     Check{"firewall", "a UDP port of the domain that no program uses refuses a message: nothing filters it",
           judge_firewall},
     Check{"path_mtu", "packets as long as the MTU reach each peer", judge_path_mtu},
+    Check{"keys", "the keys of --secure are valid, of one authority, and belong together", judge_keys},
     Check{"joining", "a participant of the vendor can join the domain, with the file of --qos", judge_joining},
     Check{"ephemeral_ports", "the domain's ports are not among those that Linux gives to any socket",
           judge_ephemeral_ports},

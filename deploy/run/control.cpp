@@ -109,15 +109,14 @@ void await_answers(Bus& bus, Reader<ControlReply>& replies, const Reader<SceneDe
 
 void send_control(const Network& network, Control order, double wait_s) {
   order.number = std::random_device()();
-  // A writer of lock-step quality and a reader of real-time quality match programs in both modes.
+  // A reader of real-time quality matches programs in both modes.
   Settings listening;
   listening.mode = Mode::realtime;
-  const auto hearing = open_bus(network, listening, 0.001, "subworld control");
-  auto replies = hearing->reader<ControlReply>();
-  auto scene = hearing->reader<SceneDescription>();
-  const auto bus = open_bus(network, Settings{}, 0.001, "subworld control");
-  auto writer = bus->writer<Control>();
-  const SceneDescription world = find_world(*hearing, scene, network, wait_s);
+  const auto bus = open_bus(network, listening, 0.001, "subworld control");
+  auto replies = bus->reader<ControlReply>();
+  auto scene = bus->reader<SceneDescription>();
+  auto writer = bus->writer_to_all<Control>();
+  const SceneDescription world = find_world(*bus, scene, network, wait_s);
   if (!writer.write(order)) {
     throw Error(ExitCode::middleware,
                 fmt::format("the order could not be sent on domain {}; try again", network.domain));
@@ -126,7 +125,7 @@ void send_control(const Network& network, Control order, double wait_s) {
   const bool for_sub_worlds = order_for_sub_worlds(order).has_value();
   Answers answers(order, for_sub_worlds ? ProgramKind::haptic_sim : ProgramKind::world_sim,
                   for_sub_worlds ? world.users : 1);
-  await_answers(*hearing, replies, scene, order, answers, wait_s);
+  await_answers(*bus, replies, scene, order, answers, wait_s);
 }
 
 }  // namespace subworld

@@ -121,6 +121,21 @@ Network RunPlan::network_of(const SessionHost& host) const {
   return network;
 }
 
+/// Each program that starts here finds its keys.
+void check_secure(const RunPlan& plan) {
+  const std::string& folder = plan.request.options.network.secure;
+  if (folder.empty()) return;
+  if (plan.session.vendors() == "mixed")
+    throw Error(ExitCode::usage,
+                "--secure with --dds mixed: the keys that the two vendors offer each other do not fit; use one vendor");
+  check_keys(folder, "subworld");
+  if (!plan.all_here()) return;
+  plan.each_program([&](const RunProgram& program, const std::string&) {
+    if (program.name == "gui_headless" && !plan.request.gui) return;
+    check_keys(folder, program.user < 0 ? program.name : fmt::format("{} {}", program.name, program.user));
+  });
+}
+
 RunPlan plan_run(const RunRequest& given, Scene& scene) {
   RunPlan plan{given, {}, {}};
   RunRequest& request = plan.request;
@@ -142,6 +157,7 @@ RunPlan plan_run(const RunRequest& given, Scene& scene) {
     network.dds = vendor_of(request.dds, position);
     check_network(network);
   }
+  check_secure(plan);
   check_resume(options);
   check_without(options, scene);
   if (request.page || request.session.empty()) choose_live_port(options.live, request.page);

@@ -1,5 +1,7 @@
 // A foreign writer that sends harmful samples into a run: hostile_peer VENDOR DOMAIN MODE KIND [SECONDS]
 // It uses the run's session and the identities of its programs. The kind `scene_flood` begins before the run.
+// hostile_peer VENDOR DOMAIN lockstep as_device SECONDS KEYS PROGRAM sends states as the device of user 0, with the keys
+// of a program, or without any.
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 
@@ -104,6 +106,22 @@ int flood(Bus& bus, double seconds) {
   return 0;
 }
 
+int pose_as_device(const BusConfig& config, double seconds) {
+  const auto bus = open_bus(config);
+  auto states = bus->writer<DeviceState>(device_partition(0));
+  std::printf("attacks\n");
+  std::fflush(stdout);
+  DeviceState state;
+  state.sender = 666;
+  const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (std::chrono::steady_clock::now() < until) {
+    ++state.sequence;
+    states.write(state);
+    std::this_thread::sleep_for(5ms);
+  }
+  return 0;
+}
+
 int attack(const std::string& vendor, int domain, const std::string& mode, const std::string& kind, double seconds) {
   BusConfig config;
   config.vendor = parse_vendor(vendor);
@@ -142,6 +160,12 @@ int attack(const std::string& vendor, int domain, const std::string& mode, const
 
 int main(int argc, char** argv) try {
   if (argc < 5) return 2;
+  if (argc == 8) {
+    subworld::BusConfig config{.vendor = subworld::parse_vendor(argv[1]), .domain = std::atoi(argv[2])};
+    config.secure = argv[6];
+    config.participant_name = argv[7];
+    return subworld::test::pose_as_device(config, std::atof(argv[5]));
+  }
   return subworld::test::attack(argv[1], std::atoi(argv[2]), argv[3], argv[4], argc > 5 ? std::atof(argv[5]) : 1.0);
 } catch (const std::exception& error) {
   std::fprintf(stderr, "%s\n", error.what());

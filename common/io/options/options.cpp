@@ -113,6 +113,9 @@ void add_run_options(CommandLine& line, Options& o) {
       .otherwise("all users");
   add("--qos", &o.network.qos_file, "the DDS vendor's settings file")
       .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
+  add("--secure", &o.network.secure,
+      "folder of `subworld keys make`: the programs prove their roles to each other, and hear nobody else")
+      .otherwise("no security");
   add("--wait", &o.wait_s, "longest wait for the other programs").range(0.1, 3600.0, "s");
 }
 
@@ -252,6 +255,7 @@ void add_network(CommandLine& line, Network& network) {
       .otherwise("loopback, which reaches this host only");
   line.add("--peers", &network.peers, "other hosts of the run: IPv4 addresses or names, separated by commas")
       .otherwise("this host");
+  line.add("--secure", &network.secure, "the run's folder of keys").otherwise("no security");
 }
 
 int guarded(const char* program, const std::function<int()>& body) noexcept {

@@ -15,6 +15,7 @@ struct Network {
   int host_users = 0;             ///< users whose programs run on one host, at most; 0: any
   std::string interface_address;  ///< empty: as in the settings, else loopback
   std::string qos_file;           ///< the vendor's settings; empty: its environment variable, else its default
+  std::string secure;             ///< folder of `subworld keys make`; empty: no security
 };
 
 /// Participants for which a DDS domain has room on one host, for any vendor. Participant i has the UDP ports

@@ -41,6 +41,13 @@ class LogCapture {
   std::string text_;
 };
 
+/// Where alone the library says that another program did not prove its role.
+void hear_of_the_unproven(void* to, const dds_log_data_t* line) {
+  const std::string_view text = line->message;
+  if (text.find("handshake") != std::string_view::npos)
+    static_cast<EventSink*>(to)->report(Event::refused, 1, kParticipant, kParticipant, "");
+}
+
 class CycloneBackend final : public Backend {
  public:
   CycloneBackend(const Opening& opening, EventSink& events) : events_(events) {
@@ -49,15 +56,24 @@ class CycloneBackend final : public Backend {
     try {
       QosPointer qos(dds_create_qos());
       dds_qset_entity_name(qos.get(), opening.participant_name.c_str());
-      participant_ = require(dds_create_participant(id_, qos.get(), nullptr), "participant");
+      if (opening.keys) use_keys(qos.get(), *opening.keys);
+      const LogCapture log;
+      participant_ = dds_create_participant(id_, qos.get(), nullptr);
+      if (participant_ < 0)
+        fail(fmt::format("no participant: {}{}", log.text().empty() ? dds_strretcode(participant_) : log.text(),
+                         opening.keys ? kKeysCure : ""));
       peers_.open(participant_);
     } catch (...) {
       close();
       throw;
     }
+    if (opening.keys) dds_set_log_sink(hear_of_the_unproven, &events_);
   }
 
-  ~CycloneBackend() override { close(); }
+  ~CycloneBackend() override {
+    dds_set_log_sink(nullptr, nullptr);
+    close();
+  }
 
   std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) override {
     const dds_entity_t publisher =
@@ -90,7 +106,8 @@ class CycloneBackend final : public Backend {
   void open_domain(const Opening& opening, const std::string& settings) {
     const std::lock_guard lock(domains_mutex);
     id_ = static_cast<dds_domainid_t>(opening.domain);
-    while (domains.contains(id_)) id_ += 1000;
+    constexpr dds_domainid_t kLastWithKeys = 230;
+    for (dds_domainid_t free = kLastWithKeys; domains.contains(id_); --free) id_ = free;
     std::string all = settings;
     if (id_ != static_cast<dds_domainid_t>(opening.domain)) {
       all += fmt::format(

@@ -2,7 +2,11 @@
 
 #include "wire/cyclonedds/vendor.hpp"
 
+#include <dlfcn.h>
+
+#include <array>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string_view>
@@ -42,6 +46,30 @@ void erase_parts(std::string& text, const std::string& begin, const std::string&
 }
 
 }  // namespace
+
+/// The vendor's plug-ins lie in a folder beside its library.
+void use_keys(dds_qos_t* qos, const Keys& keys) {
+  Dl_info library{};
+  dladdr(reinterpret_cast<const void*>(&dds_create_participant), &library);
+  const auto plugins = std::filesystem::path(library.dli_fname).parent_path() / "libddsc0debian";
+  const auto set = [&](const std::string& name, const std::string& value) {
+    dds_qset_prop(qos, ("dds.sec." + name).c_str(), value.c_str());
+  };
+  for (const auto& [kind, file, function] : {std::array{"auth", "auth", "authentication"},
+                                             {"access", "ac", "access_control"},
+                                             {"crypto", "crypto", "crypto"}}) {
+    const std::string library_of = std::string(kind) + ".library.";
+    set(library_of + "path", plugins / fmt::format("libdds_security_{}.so", file));
+    set(library_of + "init", fmt::format("init_{}", function));
+    set(library_of + "finalize", fmt::format("finalize_{}", function));
+  }
+  set("auth.identity_ca", "file:" + keys.authority);
+  set("auth.identity_certificate", "file:" + keys.certificate);
+  set("auth.private_key", "file:" + keys.private_key);
+  set("access.permissions_ca", "file:" + keys.authority);
+  set("access.governance", "file:" + keys.governance);
+  set("access.permissions", "file:" + keys.permissions);
+}
 
 /// Later sections of the list override earlier ones, but lists of interfaces and peers are merged. Therefore each
 /// appears once.

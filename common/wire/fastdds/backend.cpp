@@ -43,7 +43,7 @@ void lower_repeating_thread(pid_t newest_before) {
 
 class FastBackend final : public Backend {
  public:
-  FastBackend(const Opening& opening, EventSink& events) : events_(events) {
+  FastBackend(const Opening& opening, EventSink& events) : events_(events), peers_(events) {
     // All data goes over the network, so that a test in one process behaves as on two machines.
     eprosima::fastrtps::LibrarySettingsAttributes library;
     library.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
@@ -58,8 +58,8 @@ class FastBackend final : public Backend {
     if (participant_ == nullptr) {
       fail(fmt::format(
           "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "
-          "--domain or look for programs that still run",
-          opening.domain, route_));
+          "--domain or look for programs that still run{}",
+          opening.domain, route_, opening.keys ? kKeysCure : ""));
     }
     participant_->register_content_filter_factory(KeyFilters::kName, &filters_);
   }

@@ -19,6 +19,7 @@ namespace subworld::wire::fast {
 /// The programs of other participants, as discovery describes them.
 class FastPeers final : public dds::DomainParticipantListener {
  public:
+  explicit FastPeers(EventSink& events) : events_(events) {}
   /// Whether another program has taken over the UDP port of this participant. Then its program is dead, also where the
   /// lease has not expired. Fast DDS 2.9 renews the leases of all writers whenever any participant renews its own.
   [[nodiscard]] bool replaced(std::uint64_t participant) const noexcept {
@@ -36,6 +37,10 @@ class FastPeers final : public dds::DomainParticipantListener {
   [[nodiscard]] std::uint64_t replacements() const noexcept { return replacements_; }
 
  private:
+  void onParticipantAuthentication(dds::DomainParticipant*, rtps::ParticipantAuthenticationInfo&& info) override {
+    if (info.status == rtps::ParticipantAuthenticationInfo::UNAUTHORIZED_PARTICIPANT)
+      events_.report(Event::refused, 1, kParticipant, kParticipant, "");
+  }
   void on_participant_discovery(dds::DomainParticipant*, rtps::ParticipantDiscoveryInfo&& found) override {
     const std::uint64_t participant = number_of(found.info.m_guid.guidPrefix);
     const std::lock_guard lock(mutex_);
@@ -63,6 +68,7 @@ class FastPeers final : public dds::DomainParticipantListener {
     });
   }
 
+  EventSink& events_;
   static constexpr std::size_t kMostPrograms = 1024;
   mutable std::mutex mutex_;
   std::map<std::uint64_t, PeerProgram> programs_;

@@ -80,6 +80,22 @@ void use_peers(dds::DomainParticipantQos& qos, const std::vector<std::string>& p
   }
 }
 
+void use_keys(dds::DomainParticipantQos& qos, const Keys& keys) {
+  const std::string identity = "builtin.PKI-DH", access = "builtin.Access-Permissions";
+  const auto set = [&](const std::string& name, const std::string& value) {
+    qos.properties().properties().emplace_back("dds.sec." + name, value);
+  };
+  set("auth.plugin", identity);
+  set("auth." + identity + ".identity_ca", "file://" + keys.authority);
+  set("auth." + identity + ".identity_certificate", "file://" + keys.certificate);
+  set("auth." + identity + ".private_key", "file://" + keys.private_key);
+  set("access.plugin", access);
+  set("access." + access + ".permissions_ca", "file://" + keys.authority);
+  set("access." + access + ".governance", "file://" + keys.governance);
+  set("access." + access + ".permissions", "file://" + keys.permissions);
+  set("crypto.plugin", "builtin.AES-GCM-GMAC");
+}
+
 /// True if the UDP port is free.
 bool port_is_free(const std::string& interface_address, int port) {
   sockaddr_in address{};
@@ -132,6 +148,7 @@ dds::DomainParticipantQos participant_qos(dds::DomainParticipantFactory& factory
     qos.wire_protocol().participant_id = free_participant_index(route.address, opening.domain, opening.participants);
   }
   if (route.peers) use_peers(qos, *route.peers);
+  if (opening.keys) use_keys(qos, *opening.keys);
   route_text = route.text();
   qos.name(opening.participant_name.c_str());
   return qos;

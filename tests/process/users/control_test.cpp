@@ -52,6 +52,49 @@ INSTANTIATE_TEST_SUITE_P(Modes, LiveChange,
 INSTANTIATE_TEST_SUITE_P(FullRealtime, LiveChange, ::testing::Values(std::tuple{"realtime", "cyclonedds"}),
                          [](const auto& one) { return std::get<0>(one.param) + "_" + std::get<1>(one.param); });
 
+class SecuredRun : public Control, public ::testing::WithParamInterface<std::string> {};
+
+TEST_P(SecuredRun, HasTheSameResultAndObeysItsOwnOnly) {
+  const std::string keys = folder_.path() + "/keys", others = folder_.path() + "/others";
+  for (const std::string& made : {keys, others})
+    ASSERT_EQ(finish({program("subworld"), "keys", "make", made}).code, 0);
+  const Words flags{"--duration", "0.2", "--dds", GetParam()};
+  const auto hash = [&](const Words& more) {
+    Words words = flags;
+    words.insert(words.end(), more.begin(), more.end());
+    EXPECT_EQ(run(scene("press"), words).code, 0);
+    return summary()["state_hash"].get<std::string>();
+  };
+  EXPECT_EQ(hash({}), hash({"--secure", keys}));
+
+  Process process(run_words(scene("press"), {"--duration", "600", "--dds", GetParam(), "--secure", keys}),
+                  folder_.path());
+  EXPECT_EQ(control({"pause", "--secure", keys}, GetParam()).code, 0);
+  EXPECT_EQ(control({"stop"}, GetParam(), "2").code, 3);
+  EXPECT_EQ(control({"stop", "--secure", others}, GetParam(), "2").code, 3);
+  EXPECT_EQ(control({"resume", "--secure", keys}, GetParam()).code, 0);
+  EXPECT_EQ(control({"stop", "--secure", keys}, GetParam()).code, 0);
+  EXPECT_EQ(process.wait(), 0) << process.err();
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, SecuredRun, ::testing::Values("fastdds", "cyclonedds"),
+                         [](const auto& one) { return one.param; });
+
+TEST_F(Control, ASecuredRunNeedsAllKeysAndOneVendor) {
+  const std::string keys = folder_.path() + "/keys";
+  ASSERT_EQ(finish({program("subworld"), "keys", "make", keys}).code, 0);
+  EXPECT_EQ(finish({program("subworld"), "keys", "make", keys}).code, 2) << "it overwrites none";
+  EXPECT_EQ(finish({program("subworld"), "keys", "check", keys}).code, 0);
+  const Ended mixed = run(scene("press"), {"--dds", "mixed", "--secure", keys});
+  EXPECT_EQ(mixed.code, 2);
+  EXPECT_NE(mixed.err.find("use one vendor"), std::string::npos) << mixed.err;
+  std::filesystem::remove(keys + "/device_sim_0/key.pem");
+  const Ended lacks = run(scene("press"), {"--secure", keys});
+  EXPECT_EQ(lacks.code, 3);
+  EXPECT_NE(lacks.err.find("/device_sim_0/key.pem: No such file"), std::string::npos) << lacks.err;
+  EXPECT_EQ(finish({program("subworld"), "keys", "check", keys}).code, 1);
+}
+
 TEST_F(Control, NarrowsTheBoundsOfTheRatio) {
   Process process(run_words(scene("press"), {"--mode", "lockstep", "--duration", "600", "--ratio", "4-12"}),
                   folder_.path());

@@ -1,0 +1,194 @@
+#include "keys/keys.hpp"
+
+#include "io/results/output.hpp"
+#include "model/error.hpp"
+#include "wire/bus.hpp"
+#include "wire/plugin.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/core.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+namespace subworld {
+namespace {
+
+namespace files = std::filesystem;
+
+/// Runs openssl in a folder; its words are those of a shell. Returns whether it succeeds.
+bool openssl(const files::path& folder, const std::string& words) {
+  const std::string command = fmt::format("cd {} && {{ openssl {}; }} > openssl.log 2>&1", shell_word(folder), words);
+  return std::system(command.c_str()) == 0;
+}
+
+void must(const files::path& folder, const std::string& words) {
+  if (openssl(folder, words)) return;
+  std::ifstream log(folder / "openssl.log");
+  const std::string text{std::istreambuf_iterator<char>(log), {}};
+  throw Error(ExitCode::failed, fmt::format("openssl {}: {}; is the package openssl installed?", words, text));
+}
+
+void write(const files::path& file, const std::string& text) {
+  if (!(std::ofstream(file) << text).flush())
+    throw Error(ExitCode::failed, fmt::format("{}: cannot be written", file.string()));
+}
+
+/// Signs NAME.xml of a folder as NAME.p7s; `to_all` leads to the authority's files.
+void sign(const files::path& folder, const std::string& name, const std::string& text, const std::string& to_all) {
+  write(folder / (name + ".xml"), text);
+  must(folder, fmt::format("smime -sign -text -in {0}.xml -out {0}.p7s -signer {1}authority.pem -inkey "
+                           "{1}authority_key.pem",
+                           name, to_all));
+}
+
+constexpr const char* kNewKey = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes";
+constexpr const char* kHead = R"(<?xml version="1.0" encoding="utf-8"?>
+<dds xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="http://www.omg.org/spec/DDS-SECURITY/20170901/omg_shared_ca_{}.xsd">
+)";
+// Cyclone DDS refuses a higher number.
+constexpr const char* kDomains = "<domains><id_range><min>0</min><max>230</max></id_range></domains>";
+
+std::string governance(const KeysRequest& request) {
+  return fmt::format(kHead, "governance") +
+         fmt::format(R"(<domain_access_rules><domain_rule>{0}
+<allow_unauthenticated_participants>false</allow_unauthenticated_participants>
+<enable_join_access_control>true</enable_join_access_control>
+<discovery_protection_kind>{1}</discovery_protection_kind>
+<liveliness_protection_kind>{1}</liveliness_protection_kind>
+<rtps_protection_kind>{1}</rtps_protection_kind>
+<topic_access_rules><topic_rule><topic_expression>*</topic_expression>
+<enable_discovery_protection>true</enable_discovery_protection>
+<enable_liveliness_protection>true</enable_liveliness_protection>
+<enable_read_access_control>true</enable_read_access_control>
+<enable_write_access_control>true</enable_write_access_control>
+<metadata_protection_kind>NONE</metadata_protection_kind>
+<data_protection_kind>NONE</data_protection_kind>
+</topic_rule></topic_access_rules></domain_rule></domain_access_rules></dds>
+)",
+                     kDomains, request.encrypt ? "ENCRYPT" : "SIGN");
+}
+
+/// Topics that a role publishes: those of the whole run, and those of one user, in a partition.
+struct Role {
+  std::string name;
+  std::vector<std::string> topics;
+  std::string partition = {};
+  std::vector<std::string> topics_of_user = {};
+  std::string second_partition = {};
+  std::vector<std::string> second_topics = {};
+};
+
+std::vector<Role> roles(int users) {
+  const auto name = [](const auto& spec) { return std::string(spec.name); };
+  const std::string status = name(kTopicOf<Status>), reply = name(kTopicOf<ControlReply>),
+                    control = name(kTopicOf<Control>), frame = name(kTopicOf<WorldFrame>);
+  std::vector<Role> all{
+      {.name = "world_sim",
+       .topics = {name(kTopicOf<SceneDescription>), name(kTopicOf<WorldSnapshot>), status, reply},
+       .partition = user_partition(0).substr(0, 5) + "*",
+       .topics_of_user = {frame}},
+      {.name = "gui_headless", .topics = {control, status, reply}},
+      {.name = "subworld", .topics = {control, status, reply}}};
+  for (int user = 0; user < users; ++user) {
+    all.push_back({.name = fmt::format("haptic_sim_{}", user),
+                   .topics = {status, reply},
+                   .partition = user_partition(user),
+                   .topics_of_user = {name(kTopicOf<HapticReport>)},
+                   .second_partition = device_partition(user),
+                   .second_topics = {name(kTopicOf<DeviceCommand>)}});
+    all.push_back({.name = fmt::format("device_sim_{}", user),
+                   .topics = {status, reply},
+                   .partition = device_partition(user),
+                   .topics_of_user = {name(kTopicOf<DeviceState>), kSharedDeviceState.name}});
+  }
+  return all;
+}
+
+std::string rule(const char* kind, const std::vector<std::string>& topics, const std::string& partition) {
+  if (topics.empty()) return {};
+  std::string text = fmt::format("<{}><topics>", kind);
+  for (const std::string& topic : topics) text += fmt::format("<topic>{}</topic>", topic);
+  text += "</topics>";
+  if (!partition.empty()) text += fmt::format("<partitions><partition>{}</partition></partitions>", partition);
+  return text + fmt::format("</{}>\n", kind);
+}
+
+std::string permissions(const Role& role, const std::string& from, const std::string& to) {
+  const std::string publish = rule("publish", role.topics, "") +
+                              rule("publish", role.topics_of_user, role.partition) +
+                              rule("publish", role.second_topics, role.second_partition);
+  return fmt::format(kHead, "permissions") +
+         fmt::format(R"(<permissions><grant name="{0}"><subject_name>CN={0}</subject_name>
+<validity><not_before>{1}</not_before><not_after>{2}</not_after></validity>
+<allow_rule>{3}
+{4}{5}{6}</allow_rule>
+<default>DENY</default></grant></permissions></dds>
+)",
+                     role.name, from, to, kDomains, publish, rule("subscribe", {"*"}, ""),
+                     rule("subscribe", {"*"}, "*"));
+}
+
+}  // namespace
+
+void make_keys(const KeysRequest& request) {
+  const files::path all = files::absolute(request.folder);
+  if (files::exists(all / "authority.pem"))
+    throw Error(ExitCode::usage, fmt::format("{}: has keys already; name another folder, or remove it", all.string()));
+  umask(S_IRWXG | S_IRWXO);  // a key is the owner's alone
+  files::create_directories(all);
+  const std::string days = std::to_string(request.days);
+  must(all, fmt::format("{} -keyout authority_key.pem -out authority.pem -days {} -subj '/CN=Subworld authority'",
+                        kNewKey, days));
+  sign(all, "governance", governance(request), "");
+  const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  constexpr std::time_t kDay = 86'400;  // clocks of hosts may differ
+  const auto text = [](std::time_t time) { return fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(time)); };
+  for (const Role& role : roles(request.users)) {
+    const files::path own = all / role.name;
+    files::create_directories(own);
+    must(own, fmt::format("{} -keyout key.pem -out certificate.pem -days {} -subj /CN={} -CA ../authority.pem -CAkey "
+                          "../authority_key.pem",
+                          kNewKey, days, role.name));
+    sign(own, "permissions", permissions(role, text(now - kDay), text(now + kDay * request.days)), "../");
+    files::remove(own / "openssl.log");
+  }
+  files::remove(all / "openssl.log");
+}
+
+std::vector<std::string> key_faults(const std::string& folder) {
+  std::vector<std::string> faults;
+  const files::path all = files::absolute(folder);
+  if (!files::exists(all / "authority.pem")) return {fmt::format("{}: has no authority.pem", all.string())};
+  const auto check = [&](const files::path& where, const std::string& words, const std::string& what) {
+    if (!openssl(where, words)) faults.push_back(fmt::format("{}: {}", where.string(), what));
+  };
+  const std::string expired = "x509 -checkend 0 -noout -in ";
+  check(all, expired + "authority.pem", "authority.pem has expired");
+  check(all, "smime -verify -text -in governance.p7s -CAfile authority.pem",
+        "governance.p7s is not signed by this authority, or was changed");
+  for (const auto& entry : files::directory_iterator(all)) {
+    if (!entry.is_directory()) continue;
+    const files::path& own = entry.path();
+    const std::string role = own.filename().string();
+    check(own, expired + "certificate.pem", "certificate.pem has expired");
+    check(own, "verify -no_check_time -CAfile ../authority.pem certificate.pem",
+          "certificate.pem is not of this authority");
+    check(own, fmt::format("x509 -noout -subject -in certificate.pem | grep -qx 'subject=CN = {}'", role),
+          fmt::format("certificate.pem is not that of {}", role));
+    check(own, "x509 -noout -pubkey -in certificate.pem > p && openssl pkey -in key.pem -pubout | cmp - p",
+          "key.pem does not belong to certificate.pem");
+    check(own,
+          fmt::format("smime -verify -text -in permissions.p7s -CAfile ../authority.pem -out p && grep -q '>CN={}<' p", role),
+          fmt::format("permissions.p7s is not that of {}, is not signed by this authority, or was changed", role));
+    for (const char* made : {"p", "openssl.log"}) files::remove(own / made);
+  }
+  files::remove(all / "openssl.log");
+  return faults;
+}
+
+}  // namespace subworld

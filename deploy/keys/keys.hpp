@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace subworld {
+
+/// What `subworld keys make` is asked for.
+struct KeysRequest {
+  std::string folder;
+  int users = 1;
+  int days = 365;        ///< for which the keys are valid
+  bool encrypt = false;  ///< also hide what is sent; else only prove by whom
+};
+
+/// Makes an authority, a certificate with a key for each role of a run, and the signed documents that say what is
+/// protected and what each role may publish. Uses the program openssl. Throws `Error` (usage) where the folder has keys
+/// already, and (failed) where openssl fails.
+void make_keys(const KeysRequest& request);
+
+/// What is wrong with the keys of a folder, in words; empty: nothing.
+[[nodiscard]] std::vector<std::string> key_faults(const std::string& folder);
+
+}  // namespace subworld

@@ -1,0 +1,49 @@
+#include "io/results/output.hpp"
+#include "io/options/options.hpp"
+#include "keys/keys.hpp"
+#include "model/error.hpp"
+#include "tools.hpp"
+
+#include <fmt/core.h>
+
+namespace {
+
+using namespace subworld;
+
+int main_of(int argc, char** argv) {
+  CommandLine line("subworld keys", about_tool("keys"));
+  KeysRequest request;
+  CommandLine& make = line.command("make", "Makes the keys of a run");
+  make.add("folder", &request.folder, "new folder for the keys").required();
+  make.add("--users", &request.users, "users of the run").range(1, 64);
+  make.add("--days", &request.days, "days for which the keys are valid").range(1, 36500);
+  make.flag("--encrypt", request.encrypt, "also hide what is sent; else the keys only prove by whom");
+  CommandLine& check = line.command("check", "Names what is wrong with the keys of a folder");
+  check.add("folder", &request.folder, "folder of the keys").required();
+  line.footer(
+      "Examples:\n"
+      "  subworld keys make keys --users 2\n"
+      "  subworld keys check keys\n"
+      "  subworld run heap --secure keys");
+  if (const auto code = line.parse(argc, argv)) return *code;
+  if (make.chosen()) {
+    make_keys(request);
+    fmt::print(
+        "{0}: keys for {1} users, valid for {2} days\n"
+        "Each host needs authority.pem, governance.p7s and the folders of its programs. Keep authority_key.pem: who "
+        "has it can make more keys.\n",
+        request.folder, request.users, request.days);
+    return static_cast<int>(ExitCode::done);
+  }
+  const std::vector<std::string> faults = key_faults(request.folder);
+  for (const std::string& fault : faults) fmt::print("{}\n", fault);
+  if (faults.empty()) fmt::print("{}: nothing is wrong\n", request.folder);
+  return static_cast<int>(faults.empty() ? ExitCode::done : ExitCode::failed);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return subworld::finished("subworld keys",
+                            subworld::guarded("subworld keys", [&] { return main_of(argc, argv); }));
+}

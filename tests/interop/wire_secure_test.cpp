@@ -1,0 +1,278 @@
+#include "keys/keys.hpp"
+#include "support/process.hpp"
+#include "support/temporary_folder.hpp"
+#include "support/wire_pairs.hpp"
+#include "wire/bus.hpp"
+
+#include <gtest/gtest.h>
+
+#include <arpa/inet.h>
+#include <linux/if_ether.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace subworld {
+namespace {
+
+namespace files = std::filesystem;
+using test::until;
+
+constexpr int kDomain = 33;
+
+void make(const files::path& folder) { make_keys({.folder = folder.string(), .users = 2}); }
+
+/// Replaces a text in a file of any kind by one of the same length.
+void edit(const files::path& file, const std::string& from, const std::string& to) {
+  std::ifstream in(file, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  const std::size_t at = text.find(from);
+  ASSERT_NE(at, std::string::npos) << file;
+  std::ofstream(file, std::ios::binary) << text.replace(at, from.size(), to);
+}
+
+void replace(const files::path& to, const files::path& by) {
+  files::copy_file(by, to, files::copy_options::overwrite_existing);
+}
+
+/// The sound keys, keys of another authority, and copies of the sound ones in which something is wrong.
+class KeyStore {
+ public:
+  KeyStore() {
+    make(sound());
+    make(other());
+  }
+  [[nodiscard]] files::path path(const std::string& name) const { return files::path(folder_.path()) / name; }
+  [[nodiscard]] files::path sound() const { return path("sound"); }
+  [[nodiscard]] files::path other() const { return path("other"); }
+  [[nodiscard]] files::path copy(const std::string& name) const {
+    files::copy(sound(), path(name), files::copy_options::recursive);
+    return path(name);
+  }
+
+ private:
+  TemporaryFolder folder_;
+};
+
+struct Attack {
+  const char* name;
+  const char* program;  ///< whose keys it uses
+  /// Makes its folder, and returns it; empty: no keys.
+  files::path (*prepare)(const KeyStore&);
+};
+
+const Attack kAttacks[] = {
+    {"no keys", "device_sim 0", [](const KeyStore&) { return files::path(); }},
+    {"another authority", "device_sim 0", [](const KeyStore& keys) { return keys.other(); }},
+    {"an expired certificate", "device_sim 0",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("expired");
+       std::ofstream(copy / "ca.cnf") << "[ca]\ndefault_ca = a\n[a]\ndatabase = index\nnew_certs_dir = .\n"
+                                         "serial = serial\ndefault_md = sha256\npolicy = p\n[p]\ncommonName = supplied\n";
+       std::ofstream(copy / "index").flush();
+       const std::string words =
+           "cd " + copy.string() +
+           " && { openssl req -new -key device_sim_0/key.pem -subj /CN=device_sim_0 -out new && openssl ca -batch "
+           "-config ca.cnf -cert authority.pem -keyfile authority_key.pem -in new -out device_sim_0/certificate.pem "
+           "-startdate 20200101000000Z -enddate 20200102000000Z -rand_serial -notext; } > log 2>&1";
+       EXPECT_EQ(std::system(words.c_str()), 0);
+       return copy;
+     }},
+    {"another role's key", "device_sim 0",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("key");
+       replace(copy / "device_sim_0/key.pem", copy / "device_sim_1/key.pem");
+       return copy;
+     }},
+    {"a certificate without its key", "device_sim 1",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("certificate");
+       replace(copy / "device_sim_1/certificate.pem", copy / "device_sim_0/certificate.pem");
+       return copy;
+     }},
+    {"a certificate of another authority", "device_sim 0",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("foreign");
+       for (const char* file : {"device_sim_0/certificate.pem", "device_sim_0/key.pem"})
+         replace(copy / file, keys.other() / file);
+       return copy;
+     }},
+    {"another role's permissions", "device_sim 1",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("permissions");
+       replace(copy / "device_sim_1/permissions.p7s", copy / "device_sim_0/permissions.p7s");
+       return copy;
+     }},
+    {"changed permissions", "device_sim 1",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("changed");
+       edit(copy / "device_sim_1/permissions.p7s", "<partition>device_1<", "<partition>device_0<");
+       return copy;
+     }},
+    {"permissions of another authority", "device_sim 0",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("granted");
+       replace(copy / "device_sim_0/permissions.p7s", keys.other() / "device_sim_0/permissions.p7s");
+       return copy;
+     }},
+    {"changed governance", "device_sim 0",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("governance");
+       edit(copy / "governance.p7s", "<rtps_protection_kind>SIGN</", "<rtps_protection_kind>NONE</");
+       return copy;
+     }},
+    {"governance of another authority", "device_sim 0",
+     [](const KeyStore& keys) {
+       const files::path copy = keys.copy("governed");
+       replace(copy / "governance.p7s", keys.other() / "governance.p7s");
+       return copy;
+     }},
+    {"the device of another user", "device_sim 1", [](const KeyStore& keys) { return keys.sound(); }},
+    {"the role of a haptic process", "haptic_sim 0", [](const KeyStore& keys) { return keys.sound(); }},
+    {"the role of a world", "world_sim", [](const KeyStore& keys) { return keys.sound(); }},
+    {"the role of a display", "gui_headless", [](const KeyStore& keys) { return keys.sound(); }},
+    {"the role of a command", "subworld control", [](const KeyStore& keys) { return keys.sound(); }},
+};
+
+/// Says again, unchanged and changed, what others say on loopback.
+class Repeater {
+ public:
+  Repeater() : heard_(socket(AF_PACKET, SOCK_DGRAM, htons(ETH_P_IP))), said_(socket(AF_INET, SOCK_DGRAM, 0)) {}
+  ~Repeater() { close(heard_), close(said_); }
+  Repeater(const Repeater&) = delete;
+  Repeater& operator=(const Repeater&) = delete;
+
+  /// Returns how many messages it repeated.
+  int repeat() {
+    int repeated = 0;
+    for (ssize_t size = 0; (size = recv(heard_, packet_.data(), packet_.size(), MSG_DONTWAIT)) > 0;) {
+      const std::size_t udp = 4U * (packet_[0] & 15U), message = udp + 8;
+      const auto end = static_cast<std::size_t>(size);
+      if (packet_[9] != IPPROTO_UDP || end < message + 60 || std::memcmp(&packet_[message], "RTPS", 4) != 0) continue;
+      if (std::memcmp(&packet_[udp], &own_port_, 2) == 0) continue;
+      sockaddr_in to{.sin_family = AF_INET, .sin_port = 0, .sin_addr = {}, .sin_zero = {}};
+      std::memcpy(&to.sin_port, &packet_[udp + 2], 2);
+      to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+      for (int changes = 0; changes < 3; ++changes) {
+        if (changes > 0) packet_[message + 20 + random_() % (end - message - 20)] ^= 1U << (random_() % 8);
+        sendto(said_, &packet_[message], end - message, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
+      }
+      sockaddr_in own{};
+      socklen_t length = sizeof own;
+      if (own_port_ == 0 && getsockname(said_, reinterpret_cast<sockaddr*>(&own), &length) == 0)
+        own_port_ = own.sin_port;
+      ++repeated;
+    }
+    return repeated;
+  }
+  [[nodiscard]] bool permitted() const { return heard_ >= 0; }
+
+ private:
+  int heard_;
+  int said_;
+  in_port_t own_port_ = 0;
+  std::array<std::uint8_t, 65536> packet_{};
+  std::minstd_rand random_;
+};
+
+class WireSecure : public ::testing::TestWithParam<Vendor> {
+ protected:
+  [[nodiscard]] std::unique_ptr<Bus> open(const std::string& program) const {
+    BusConfig config = test::config_of(GetParam(), kDomain);
+    config.secure = keys_.sound().string();
+    config.participant_name = program;
+    return open_bus(config);
+  }
+  KeyStore keys_;
+};
+
+TEST_P(WireSecure, OnlyTheDeviceIsHeardAsTheDevice) {
+  const auto haptic = open("haptic_sim 0"), device = open("device_sim 0");
+  auto states = haptic->reader<DeviceState>(device_partition(0));
+  auto writer = device->writer<DeviceState>(device_partition(0));
+  ASSERT_TRUE(until(*haptic, [&] { return states.matched() == 1 && writer.matched() == 1; }));
+
+  // Programs of their own: a participant that fails to start harms the next one of its process.
+  std::vector<std::unique_ptr<test::Process>> attackers;
+  const files::path peer = files::read_symlink("/proc/self/exe").parent_path() / "hostile_peer";
+  for (const Attack& attack : kAttacks) {
+    const files::path out = keys_.path(std::string(attack.name) + ".out");
+    files::create_directories(out);
+    attackers.push_back(std::make_unique<test::Process>(
+        test::Words{peer, name_of(GetParam()), std::to_string(kDomain), "lockstep", "as_device", "3",
+                    attack.prepare(keys_), attack.program},
+        out));
+  }
+  Repeater repeater;
+  std::uint64_t sequence = 0, heard = 0;
+  int repeated = 0;
+  DeviceState sent, state;
+  sent.sender = 1;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+  while (std::chrono::steady_clock::now() < end) {
+    sent.sequence = ++sequence;
+    writer.write(sent);
+    repeated += repeater.repeat();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    while (states.take(state) == Take::sample) {
+      ASSERT_EQ(state.sender, 1U);
+      ASSERT_EQ(state.sequence, ++heard) << "nothing is heard twice, and nothing is lost";
+    }
+  }
+  EXPECT_TRUE(until(*haptic, [&] {
+    while (states.take(state) == Take::sample) ++heard;
+    return heard == sequence;
+  }));
+  EXPECT_EQ(states.matched(), 1);
+  EXPECT_EQ(haptic->events().rejected, 0U);
+  EXPECT_TRUE(repeated > 100 || !repeater.permitted()) << repeated;
+  for (std::size_t i = 0; i < attackers.size(); ++i) {
+    const std::optional<int> code = attackers[i]->wait(20.0);
+    ASSERT_TRUE(code) << kAttacks[i].name;
+    const std::string out = attackers[i]->out(), err = attackers[i]->err();
+    // Where the vendor lets it start, the others do not hear it. Else it says why.
+    EXPECT_TRUE(*code == 0 || err.find("no writer of device_state") != std::string::npos ||
+                err.find("subworld keys check") != std::string::npos)
+        << kAttacks[i].name << ": " << err;
+    EXPECT_EQ(*code == 0, out == "attacks\n");
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Vendors, WireSecure, ::testing::Values(Vendor::fastdds, Vendor::cyclonedds),
+                         [](const auto& info) { return std::string(name_of(info.param)); });
+
+TEST(Keys, FaultsAreNamed) {
+  const KeyStore keys;
+  EXPECT_EQ(key_faults(keys.sound().string()), std::vector<std::string>{});
+  const auto says = [](const files::path& folder, const std::string& words) {
+    const std::vector<std::string> faults = key_faults(folder.string());
+    return std::ranges::any_of(faults, [&](const std::string& one) { return one.find(words) != std::string::npos; });
+  };
+  const auto attack = [&](const std::string& name) {
+    return std::ranges::find(kAttacks, name, &Attack::name)->prepare(keys);
+  };
+  EXPECT_TRUE(says(attack("an expired certificate"), "device_sim_0: certificate.pem has expired"));
+  EXPECT_TRUE(says(attack("another role's key"), "device_sim_0: key.pem does not belong"));
+  EXPECT_TRUE(says(attack("a certificate without its key"), "certificate.pem is not that of device_sim_1"));
+  EXPECT_TRUE(says(attack("a certificate of another authority"), "certificate.pem is not of this authority"));
+  EXPECT_TRUE(says(attack("another role's permissions"), "permissions.p7s is not that of device_sim_1"));
+  EXPECT_TRUE(says(attack("changed permissions"), "or was changed"));
+  EXPECT_TRUE(says(attack("governance of another authority"), "governance.p7s is not signed by this authority"));
+  EXPECT_THROW(make(keys.sound()), Error) << "no keys are overwritten";
+}
+
+}  // namespace
+}  // namespace subworld
