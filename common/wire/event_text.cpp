@@ -58,7 +58,8 @@ std::string explain(Event event, std::string_view side, std::string_view topic, 
           topic, detail);
     case Event::refused:
       if (topic == kParticipant)
-        return "a program that did not prove its role is not heard: start it with --secure and the keys of this run, or "
+        return "a program that did not prove its role is not heard: start it with --secure and the keys of this run, "
+               "or "
                "end it";
       return fmt::format(
           "a {0} of a second {1} was refused: this run continues with its first {1}; end the other {1}, or "

@@ -54,8 +54,7 @@ constexpr const char* kHead = R"(<?xml version="1.0" encoding="utf-8"?>
 constexpr const char* kDomains = "<domains><id_range><min>0</min><max>230</max></id_range></domains>";
 
 std::string governance(const KeysRequest& request) {
-  return fmt::format(kHead, "governance") +
-         fmt::format(R"(<domain_access_rules><domain_rule>{0}
+  return fmt::format(kHead, "governance") + fmt::format(R"(<domain_access_rules><domain_rule>{0}
 <allow_unauthenticated_participants>false</allow_unauthenticated_participants>
 <enable_join_access_control>true</enable_join_access_control>
 <discovery_protection_kind>{1}</discovery_protection_kind>
@@ -70,7 +69,7 @@ std::string governance(const KeysRequest& request) {
 <data_protection_kind>NONE</data_protection_kind>
 </topic_rule></topic_access_rules></domain_rule></domain_access_rules></dds>
 )",
-                     kDomains, request.encrypt ? "ENCRYPT" : "SIGN");
+                                                        kDomains, request.encrypt ? "ENCRYPT" : "SIGN");
 }
 
 /// Topics that a role publishes: those of the whole run, and those of one user, in a partition.
@@ -87,13 +86,12 @@ std::vector<Role> roles(int users) {
   const auto name = [](const auto& spec) { return std::string(spec.name); };
   const std::string status = name(kTopicOf<Status>), reply = name(kTopicOf<ControlReply>),
                     control = name(kTopicOf<Control>), frame = name(kTopicOf<WorldFrame>);
-  std::vector<Role> all{
-      {.name = "world_sim",
-       .topics = {name(kTopicOf<SceneDescription>), name(kTopicOf<WorldSnapshot>), status, reply},
-       .partition = user_partition(0).substr(0, 5) + "*",
-       .topics_of_user = {frame}},
-      {.name = "gui_headless", .topics = {control, status, reply}},
-      {.name = "subworld", .topics = {control, status, reply}}};
+  std::vector<Role> all{{.name = "world_sim",
+                         .topics = {name(kTopicOf<SceneDescription>), name(kTopicOf<WorldSnapshot>), status, reply},
+                         .partition = user_partition(0).substr(0, 5) + "*",
+                         .topics_of_user = {frame}},
+                        {.name = "gui_headless", .topics = {control, status, reply}},
+                        {.name = "subworld", .topics = {control, status, reply}}};
   for (int user = 0; user < users; ++user) {
     all.push_back({.name = fmt::format("haptic_sim_{}", user),
                    .topics = {status, reply},
@@ -119,8 +117,7 @@ std::string rule(const char* kind, const std::vector<std::string>& topics, const
 }
 
 std::string permissions(const Role& role, const std::string& from, const std::string& to) {
-  const std::string publish = rule("publish", role.topics, "") +
-                              rule("publish", role.topics_of_user, role.partition) +
+  const std::string publish = rule("publish", role.topics, "") + rule("publish", role.topics_of_user, role.partition) +
                               rule("publish", role.second_topics, role.second_partition);
   return fmt::format(kHead, "permissions") +
          fmt::format(R"(<permissions><grant name="{0}"><subject_name>CN={0}</subject_name>
@@ -183,7 +180,8 @@ std::vector<std::string> key_faults(const std::string& folder) {
     check(own, "x509 -noout -pubkey -in certificate.pem > p && openssl pkey -in key.pem -pubout | cmp - p",
           "key.pem does not belong to certificate.pem");
     check(own,
-          fmt::format("smime -verify -text -in permissions.p7s -CAfile ../authority.pem -out p && grep -q '>CN={}<' p", role),
+          fmt::format("smime -verify -text -in permissions.p7s -CAfile ../authority.pem -out p && grep -q '>CN={}<' p",
+                      role),
           fmt::format("permissions.p7s is not that of {}, is not signed by this authority, or was changed", role));
     for (const char* made : {"p", "openssl.log"}) files::remove(own / made);
   }

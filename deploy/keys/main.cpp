@@ -1,5 +1,5 @@
-#include "io/results/output.hpp"
 #include "io/options/options.hpp"
+#include "io/results/output.hpp"
 #include "keys/keys.hpp"
 #include "model/error.hpp"
 #include "tools.hpp"
@@ -44,6 +44,5 @@ int main_of(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return subworld::finished("subworld keys",
-                            subworld::guarded("subworld keys", [&] { return main_of(argc, argv); }));
+  return subworld::finished("subworld keys", subworld::guarded("subworld keys", [&] { return main_of(argc, argv); }));
 }

@@ -125,8 +125,9 @@ class Run {
     const auto remote = [](const SessionHost& one) { return is_remote(one.address); };
     if (run_.between_hosts) run_.scene.settings.remote = std::ranges::any_of(session_.hosts, remote);
     if (run_.scene.settings.remote && request_.options.network.secure.empty())
-      fmt::print("subworld: not secured: whoever reaches the network can stop this run and move its devices; see "
-                 "--secure\n");
+      fmt::print(
+          "subworld: not secured: whoever reaches the network can stop this run and move its devices; see "
+          "--secure\n");
     for (std::size_t i = 0; i < session_.hosts.size(); ++i) {
       const SessionHost& host = session_.hosts[i];
       if (!request_.host.empty() && host.name != request_.host) continue;

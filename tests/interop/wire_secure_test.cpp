@@ -80,8 +80,9 @@ const Attack kAttacks[] = {
     {"an expired certificate", "device_sim 0",
      [](const KeyStore& keys) {
        const files::path copy = keys.copy("expired");
-       std::ofstream(copy / "ca.cnf") << "[ca]\ndefault_ca = a\n[a]\ndatabase = index\nnew_certs_dir = .\n"
-                                         "serial = serial\ndefault_md = sha256\npolicy = p\n[p]\ncommonName = supplied\n";
+       std::ofstream(copy / "ca.cnf")
+           << "[ca]\ndefault_ca = a\n[a]\ndatabase = index\nnew_certs_dir = .\n"
+              "serial = serial\ndefault_md = sha256\npolicy = p\n[p]\ncommonName = supplied\n";
        std::ofstream(copy / "index").flush();
        const std::string words =
            "cd " + copy.string() +
@@ -211,10 +212,10 @@ TEST_P(WireSecure, OnlyTheDeviceIsHeardAsTheDevice) {
   for (const Attack& attack : kAttacks) {
     const files::path out = keys_.path(std::string(attack.name) + ".out");
     files::create_directories(out);
-    attackers.push_back(std::make_unique<test::Process>(
-        test::Words{peer, name_of(GetParam()), std::to_string(kDomain), "lockstep", "as_device", "3",
-                    attack.prepare(keys_), attack.program},
-        out));
+    attackers.push_back(
+        std::make_unique<test::Process>(test::Words{peer, name_of(GetParam()), std::to_string(kDomain), "lockstep",
+                                                    "as_device", "3", attack.prepare(keys_), attack.program},
+                                        out));
   }
   Repeater repeater;
   std::uint64_t sequence = 0, heard = 0;

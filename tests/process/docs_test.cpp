@@ -89,6 +89,8 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
     for (std::string& word : words) {
       if (word.starts_with("deploy/")) word = std::string(SOURCE_FOLDER) + "/" + word;
     }
+    for (std::size_t i = 2; i < words.size(); ++i)
+      if (words[i] == "keys") words[i] = folder_.path() + "/keys";
     if (command == "run") {
       set_flag(words, "--duration", "0.2");
       words.insert(words.end(), {"--set", "settle.duration_s=0.2"});
@@ -105,7 +107,7 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
         set_flag(words, "--trace", folder_.path() + "/trace.json");
     } else if (command == "link") {
       set_flag(words, "--duration", "0.1");
-    } else if (command != "plan") {
+    } else if (command != "plan" && command != "keys") {
       words.emplace_back("--help");
     }
     const Ended ended = finish(words, environment);

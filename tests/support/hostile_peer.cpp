@@ -1,7 +1,7 @@
 // A foreign writer that sends harmful samples into a run: hostile_peer VENDOR DOMAIN MODE KIND [SECONDS]
 // It uses the run's session and the identities of its programs. The kind `scene_flood` begins before the run.
-// hostile_peer VENDOR DOMAIN lockstep as_device SECONDS KEYS PROGRAM sends states as the device of user 0, with the keys
-// of a program, or without any.
+// hostile_peer VENDOR DOMAIN lockstep as_device SECONDS KEYS PROGRAM sends states as the device of user 0, with the
+// keys of a program, or without any.
 #include "wire/bus.hpp"
 #include "wire/session.hpp"
 

@@ -56,8 +56,7 @@ class SecuredRun : public Control, public ::testing::WithParamInterface<std::str
 
 TEST_P(SecuredRun, HasTheSameResultAndObeysItsOwnOnly) {
   const std::string keys = folder_.path() + "/keys", others = folder_.path() + "/others";
-  for (const std::string& made : {keys, others})
-    ASSERT_EQ(finish({program("subworld"), "keys", "make", made}).code, 0);
+  for (const std::string& made : {keys, others}) ASSERT_EQ(finish({program("subworld"), "keys", "make", made}).code, 0);
   const Words flags{"--duration", "0.2", "--dds", GetParam()};
   const auto hash = [&](const Words& more) {
     Words words = flags;

@@ -124,7 +124,9 @@ const std::vector<Fault>& faults() {
       {"path_mtu", [](Facts& f) { f.network.peers[0].refuses_full_size = false, f.network.interfaces[1].mtu = 9000; },
        "ip link set eth0 mtu 1500"},
       {"keys",
-       [](Facts& f) { f.request.network.secure = "keys", f.network.key_faults = {"world_sim: certificate.pem has expired"}; },
+       [](Facts& f) {
+         f.request.network.secure = "keys", f.network.key_faults = {"world_sim: certificate.pem has expired"};
+       },
        "subworld keys make keys"},
       {"joining", [](Facts& f) { f.domain.fault = "ports in use"; }, "--domain 100"},
       {"joining", [](Facts& f) { f.domain.fault = "QoS file no.xml: none", f.request.network.qos_file = "no.xml"; },
