@@ -21,6 +21,9 @@ install(DIRECTORY deploy/qos DESTINATION lib/subworld COMPONENT programs)
 install(DIRECTORY deploy/scenes deploy/sessions DESTINATION share/subworld COMPONENT data
         PATTERN .subworld EXCLUDE PATTERN *.md EXCLUDE)
 install(FILES idl/subworld.idl deploy/results/subworld_results.py DESTINATION share/subworld COMPONENT data)
+install(FILES deploy/python/subworld.py deploy/python/subworld_study.py deploy/results/subworld_results.py
+        DESTINATION lib/python3/dist-packages COMPONENT programs)
+install(PROGRAMS deploy/python/study DESTINATION lib/subworld RENAME subworld_study COMPONENT programs)
 
 # Pages with their pictures, in the folders to which their links lead; and what the programs say of themselves.
 file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} CONFIGURE_DEPENDS
@@ -74,7 +77,7 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_NAME subworld)
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PROGRAMS_PACKAGE_RECOMMENDS "gnuplot-nox, openssl")
+set(CPACK_DEBIAN_PROGRAMS_PACKAGE_RECOMMENDS "gnuplot-nox, openssl, python3-pandas, python3-yaml")
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SUGGESTS "ffmpeg, openssh-client, xdg-utils")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME subworld-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)

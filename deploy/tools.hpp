@@ -23,6 +23,7 @@ inline constexpr std::array kTools{
     Tool{"recorder", "Records the programs of one host of a session, for `subworld up --record`"},
     Tool{"replay", "Shows what a recording holds, publishes it, and re-simulates it"},
     Tool{"report", "Writes one page on a run, a session or a lab from its folder: figures, verdict, plots"},
+    Tool{"study", "Conducts a study: conditions, trials, staircases, questions, and one table"},
     Tool{"top", "Shows the domains in use, their programs, rates and missed deadlines"}};
 
 /// The program of a lab is lab_NAME.

@@ -212,6 +212,18 @@ TEST_F(PythonResults, OfARunAgreeWithItsSummary) {
   }
 }
 
+class PythonModules : public PythonResults, public ::testing::WithParamInterface<const char*> {};
+
+TEST_P(PythonModules, Work) {
+  const Ended ended = finish(
+      {kPython, "-B", std::string(SOURCE_FOLDER) + "/tests/support/python_client/check.py", GetParam(), folder_.path()},
+      {{"PYTHONPATH", program("python")}});
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+}
+
+INSTANTIATE_TEST_SUITE_P(Checks, PythonModules, ::testing::Values("staircases", "orders", "study", "module", "page"),
+                         [](const auto& one) { return std::string(one.param); });
+
 TEST_F(PythonResults, OfALabAreItsTables) {
   const Ended ended = finish({program("subworld"), "lab", "coupling", "press", "--quick", "--scheme", "direct,reduced",
                               "--ratio", "4", "--out", out()});

@@ -1,0 +1,346 @@
+"""Studies with people, or with a simulated observer: conditions, trials, staircases, questions, one table.
+
+deploy/python/README.md describes the study's file. `subworld study` is this module's main().
+"""
+
+import argparse
+import csv
+import json
+import math
+import os
+import random
+import shutil
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+import subworld
+
+
+class StudyError(ValueError):
+    """A study's file, or a folder, that cannot be used. The text names the place and the cure."""
+
+
+# Psychometrics ------------------------------------------------------------------------------------------------------
+
+
+def detected_ratio(value: float, threshold: float, slope: float, guess: float = 0.0, lapse: float = 0.0) -> float:
+    """Share of the answers "yes" for a value, 1 (Weibull). At the threshold it is 63 %, without guesses and lapses."""
+    return guess + (1 - guess - lapse) * (1 - math.exp(-((value / threshold) ** slope)))
+
+
+def fitted_threshold(answers, slope: float, guess: float = 0.0, lapse: float = 0.01) -> float:
+    """The threshold under which the answers, pairs (value, yes), are most likely."""
+    lowest, highest = min(value for value, _ in answers), max(value for value, _ in answers)
+    steps = 400
+    grid = [lowest / 3 * (9 * highest / lowest) ** (i / steps) for i in range(steps + 1)]
+
+    def likelihood(threshold):
+        total = 0.0
+        for value, yes in answers:
+            ratio = min(max(detected_ratio(value, threshold, slope, guess, lapse), 1e-9), 1 - 1e-9)
+            total += math.log(ratio if yes else 1 - ratio)
+        return total
+
+    return max(grid, key=likelihood)
+
+
+class OneUpTwoDown:
+    """Down a step after two answers "yes" in a row, up after each "no" (Levitt 1971): converges to 70.7 % "yes".
+
+    Steps are factors. The first ones are the square of `step`, until the second turn.
+    """
+
+    def __init__(self, start: float, step: float, lowest: float, highest: float, **_):
+        self.value, self._step, self._bounds = start, step, (lowest, highest)
+        self._yes, self._turns, self._last = 0, 0, 0
+
+    def answer(self, yes: bool):
+        self._yes = self._yes + 1 if yes else 0
+        direction = -1 if self._yes == 2 else (0 if yes else 1)
+        if direction == 0:
+            return
+        self._yes = 0
+        if self._last and direction != self._last:
+            self._turns += 1
+        self._last = direction
+        factor = self._step ** (2 if self._turns < 2 else 1)
+        self.value = min(max(self.value * factor**direction, self._bounds[0]), self._bounds[1])
+
+
+class Quest:
+    """The most likely threshold so far is the next value (Watson and Pelli 1983), on a grid of its logarithm."""
+
+    def __init__(self, start: float, lowest: float, highest: float, slope: float = 3.5, guess: float = 0.0, **_):
+        steps = 300
+        self._grid = [lowest * (highest / lowest) ** (i / steps) for i in range(steps + 1)]
+        spread = math.log(highest / lowest) / 2
+        self._log = [-0.5 * (math.log(one / start) / spread) ** 2 for one in self._grid]
+        self._slope, self._guess, self.value = slope, guess, start
+
+    def answer(self, yes: bool):
+        for i, threshold in enumerate(self._grid):
+            ratio = detected_ratio(self.value, threshold, self._slope, self._guess, 0.01)
+            self._log[i] += math.log(max(ratio if yes else 1 - ratio, 1e-9))
+        peak = max(self._log)
+        weights = [math.exp(one - peak) for one in self._log]
+        mean = sum(w * math.log(one) for w, one in zip(weights, self._grid)) / sum(weights)
+        self.value = math.exp(mean)
+
+
+RULES = {"one_up_two_down": OneUpTwoDown, "quest": Quest}
+
+
+class Observer:
+    """Answers as a person with this threshold would."""
+
+    def __init__(self, threshold: float, slope: float, seed: int):
+        self._threshold, self._slope, self._random = threshold, slope, random.Random(seed)
+
+    def says_yes(self, value: float) -> bool:
+        return self._random.random() < detected_ratio(value, self._threshold, self._slope)
+
+
+# The study ----------------------------------------------------------------------------------------------------------
+
+
+def latin_square(count: int) -> list:
+    """Orders of `count` conditions: each is once at each place, and follows each other one equally often.
+
+    For an odd count the orders and their mirror images (Williams 1949).
+    """
+    first = [0]
+    for i in range(1, count):
+        first.append((i + 1) // 2 if i % 2 else count - i // 2)
+    rows = [[(one + shift) % count for one in first] for shift in range(count)]
+    return rows if count % 2 == 0 else rows + [row[::-1] for row in rows]
+
+
+@dataclass
+class Trial:
+    number: int
+    block: int
+    condition: str
+    set: dict
+
+
+KEYS = {
+    "name", "scene", "set", "flags", "conditions", "trials", "blocks", "order", "seed", "record", "instructions",
+    "questions", "staircase", "pause",
+}
+STAIRCASE_KEYS = {"parameter", "rule", "start", "step", "lowest", "highest", "slope", "guess", "question"}
+
+
+@dataclass
+class Study:
+    """A study's file. `trials`: for each condition in each block; for a staircase, in all."""
+
+    file: Path
+    data: dict
+    questions: list = field(default_factory=list)
+
+    @staticmethod
+    def load(file) -> "Study":
+        try:
+            data = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
+        except (OSError, yaml.YAMLError) as wrong:
+            raise StudyError(f"{file}: {wrong}") from wrong
+        if not isinstance(data, dict) or "scene" not in data:
+            raise StudyError(f"{file}: names no scene")
+        study = Study(Path(file), data, data.get("questions", []))
+        study.check()
+        return study
+
+    def check(self):
+        def refuse(text):
+            raise StudyError(f"{self.file}: {text}")
+
+        for key in self.data.keys() - KEYS:
+            refuse(f"{key}: unknown key; there are {', '.join(sorted(KEYS))}")
+        if ("conditions" in self.data) == ("staircase" in self.data):
+            refuse("give either conditions or a staircase")
+        if self.data.get("order", "random") not in ("random", "latin_square", "fixed"):
+            refuse(f"order: {self.data['order']}: choose one of random, latin_square, fixed")
+        for question in self.questions:
+            if not {"name", "text"} <= question.keys() or ("answers" in question) == ("from" in question):
+                refuse(f"questions: {question}: has a name, a text, and either answers, or from and to")
+        stairs = self.data.get("staircase")
+        if stairs is None:
+            return
+        for key in stairs.keys() - STAIRCASE_KEYS:
+            refuse(f"staircase.{key}: unknown key; there are {', '.join(sorted(STAIRCASE_KEYS))}")
+        for key in ("parameter", "start", "lowest", "highest", "question"):
+            if key not in stairs:
+                refuse(f"staircase: has no {key}")
+        if stairs.get("rule", "quest") not in RULES:
+            refuse(f"staircase.rule: choose one of {', '.join(RULES)}")
+        if not 0 < stairs["lowest"] <= stairs["start"] <= stairs["highest"]:
+            refuse("staircase: 0 < lowest <= start <= highest must hold")
+        asked = [one for one in self.questions if one["name"] == stairs["question"] and len(one.get("answers", [])) == 2]
+        if not asked:
+            refuse(f"staircase.question: {stairs['question']}: is no question with two answers; the second means yes")
+
+    def plan(self, participant: int) -> list:
+        """The trials of a participant, always the same ones. In a staircase the value is set when it is known."""
+        count = int(self.data.get("trials", 1))
+        if "staircase" in self.data:
+            return [Trial(i, 0, "staircase", {}) for i in range(count)]
+        names = list(self.data["conditions"])
+        order = self.data.get("order", "random")
+        shuffle = random.Random(f"{self.data.get('seed', 0)} {participant}").shuffle
+        square = latin_square(len(names))
+        trials = []
+        for block in range(int(self.data.get("blocks", 1))):
+            if order == "random":
+                of_block = names * count
+                shuffle(of_block)
+            else:
+                row = square[(participant - 1 + block) % len(square)] if order == "latin_square" else range(len(names))
+                of_block = [names[i] for i in row for _ in range(count)]
+            for name in of_block:
+                trials.append(Trial(len(trials), block, name, self.data["conditions"][name] or {}))
+        return trials
+
+
+class Table:
+    """trials.csv: a row for each trial that is complete, written at once and whole."""
+
+    def __init__(self, file: Path, columns: list):
+        self._file, self._columns = file, columns
+        self.rows = []
+        text = file.read_text(encoding="utf-8") if file.exists() else ""
+        whole = text[: text.rfind("\n") + 1]
+        if whole != text:  # the last row was cut off
+            file.write_text(whole, encoding="utf-8")
+        if whole:
+            reader = csv.DictReader(whole.splitlines())
+            if reader.fieldnames != columns:
+                raise StudyError(f"{file}: is of another study; name another folder with --out")
+            self.rows = list(reader)
+        else:
+            self._append(columns)
+
+    def add(self, row: dict):
+        self._append([row.get(column, "") for column in self._columns])
+        self.rows.append({column: str(row.get(column, "")) for column in self._columns})
+
+    def _append(self, values: list):
+        with open(self._file, "a", newline="", encoding="utf-8") as out:
+            csv.writer(out, lineterminator="\n").writerow(values)
+            out.flush()
+            os.fsync(out.fileno())
+
+
+def ask(question: dict) -> str:
+    """Asks a person on the terminal, until the answer is one of those there are."""
+    answers = question.get("answers")
+    choices = [str(i + 1) for i in range(len(answers))] if answers else None
+    hint = ", ".join(f"{i + 1} = {one}" for i, one in enumerate(answers)) if answers else (
+        f"{question['from']} to {question['to']}")
+    while True:
+        text = input(f"{question['text']} ({hint}): ").strip()
+        if answers and text in choices:
+            return str(answers[int(text) - 1])
+        if answers and text in map(str, answers):
+            return text
+        if not answers and text.isdigit() and question["from"] <= int(text) <= question["to"]:
+            return text
+        print("Please give one of these.")
+
+
+def conduct(study: Study, participant: int, out: Path, observer: Observer = None, runs: bool = True) -> dict:
+    """Goes on with a participant's trials in a folder, from the first one that its table does not have."""
+    out.mkdir(parents=True, exist_ok=True)
+    names = [question["name"] for question in study.questions]
+    columns = ["study", "participant", "trial", "block", "condition", "value", "set", "folder", "recording", "verdict"]
+    columns += ["state_hash", "force_rms_n", "started", "answered_s"] + names
+    table = Table(out / f"trials_{participant}.csv", columns)
+    stairs = study.data.get("staircase")
+    rule = RULES[stairs.get("rule", "quest")](**{"step": 1.2, **stairs}) if stairs else None
+    yes = next(q["answers"][1] for q in study.questions if q["name"] == stairs["question"]) if stairs else None
+    answers = []
+
+    def note(value, answer):
+        answers.append((value, answer == str(yes)))
+        rule.answer(answers[-1][1])
+
+    for row in table.rows:
+        if stairs:
+            note(float(row["value"]), row[stairs["question"]])
+    plan = study.plan(participant)
+    person = observer is None
+    if person and not table.rows and study.data.get("instructions"):
+        print(study.data["instructions"])
+    for trial in plan[len(table.rows) :]:
+        value = rule.value if rule else ""
+        changes = {**(study.data.get("set") or {}), **trial.set, **({stairs["parameter"]: value} if stairs else {})}
+        if observer and stairs:  # so that a study that goes on draws what it would have drawn
+            observer = Observer(observer._threshold, observer._slope, trial.number + 1000 * participant)
+        before = plan[trial.number - 1].block if trial.number else trial.block
+        if person and trial.block != before and study.data.get("pause", True):
+            input(f"Block {before + 1} is over. Press Enter to go on.")
+        folder = out / f"participant_{participant}" / f"trial_{trial.number:03d}"
+        row = {"study": study.data.get("name", study.file.stem), "participant": participant, "trial": trial.number}
+        row |= {"block": trial.block, "condition": trial.condition, "value": value, "set": json.dumps(changes)}
+        row["started"] = time.strftime("%Y-%m-%dT%H:%M:%S")
+        if runs:
+            shutil.rmtree(folder, ignore_errors=True)  # of a trial that did not end
+            flags = dict(study.data.get("flags") or {})
+            if study.data.get("record"):
+                folder.parent.mkdir(parents=True, exist_ok=True)
+                flags["record"] = row["recording"] = f"{folder}.mcap"
+            result = subworld.run(study.data["scene"], folder, set=changes, **flags)
+            users = result.summary.get("haptic", [])
+            row |= {"folder": str(folder), "verdict": result.verdict, "state_hash": result.summary["state_hash"]}
+            row["force_rms_n"] = " ".join(f"{user['force_rms_n']:.6g}" for user in users)
+        begun = time.monotonic()
+        for question in study.questions:
+            if person:
+                row[question["name"]] = ask(question)
+            elif stairs and question["name"] == stairs["question"]:
+                row[question["name"]] = question["answers"][1 if observer.says_yes(value) else 0]
+            else:
+                row[question["name"]] = (question.get("answers") or [question.get("from")])[0]
+        row["answered_s"] = f"{time.monotonic() - begun:.3f}"
+        table.add(row)
+        if stairs:
+            note(value, row[stairs["question"]])
+        print(f"[{trial.number + 1}/{len(plan)}] {trial.condition} {value}", file=sys.stderr)
+    summary = {"trials": len(table.rows), "table": str(out / f"trials_{participant}.csv")}
+    if stairs and answers:
+        summary["threshold"] = fitted_threshold(answers, stairs.get("slope", 3.5), stairs.get("guess", 0.0))
+    return summary
+
+
+def main(arguments=None) -> int:
+    parser = argparse.ArgumentParser(
+        "subworld study", formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="Conducts a study: conditions, trials, staircases, questions, and one table for each participant.",
+        epilog="Examples:\n  subworld study deploy/python/study.yaml --participant 1 --out out/study\n"
+        "  subworld study deploy/python/staircase.yaml --observer 400\n"
+        "A study that was interrupted goes on where it was: give the same command again.",
+    )
+    parser.add_argument("file", help="the study's file (YAML)")
+    parser.add_argument("--participant", type=int, default=1, help="number of the participant, from 1 (default: 1)")
+    parser.add_argument("--out", type=Path, help="folder of the results (default: out/NAME)")
+    parser.add_argument("--observer", type=float, metavar="THRESHOLD",
+                        help="a simulated observer answers: yes to 63 %% of the trials at this value")
+    parser.add_argument("--observer-slope", type=float, default=3.5, help="of the observer, Weibull (default: 3.5)")
+    parser.add_argument("--no-runs", action="store_true", help="ask only, without running the scene: to try a staircase")
+    given = parser.parse_args(arguments)
+    try:
+        study = Study.load(given.file)
+        out = given.out or Path("out") / str(study.data.get("name", study.file.stem)).replace(" ", "_")
+        observer = Observer(given.observer, given.observer_slope, given.participant) if given.observer else None
+        summary = conduct(study, given.participant, out, observer, not given.no_runs)
+    except (StudyError, subworld.SubworldError) as wrong:
+        print(f"subworld study: error: {wrong}", file=sys.stderr)
+        return 2 if isinstance(wrong, StudyError) else 1
+    except (KeyboardInterrupt, EOFError):
+        print("\nsubworld study: interrupted; the same command goes on", file=sys.stderr)
+        return 1
+    print("\n".join(f"{name}: {value}" for name, value in summary.items()))
+    return 0

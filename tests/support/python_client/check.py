@@ -1,0 +1,121 @@
+#!/usr/bin/python3
+"""Checks the Python modules: check.py WHAT FOLDER, with the build's programs."""
+
+import math
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import subworld
+import subworld_study
+
+
+def expect(condition, text):
+    if not condition:
+        sys.exit(f"check.py: {text}")
+
+
+def staircases(_folder):
+    """Observers with a known threshold. With 60 answers and this slope, the least possible RMS error is 2 %."""
+    for rule, make in subworld_study.RULES.items():
+        errors = []
+        for seed in range(60):
+            stairs = make(start=800, step=1.1, lowest=50, highest=3000, slope=8)
+            observer, answers = subworld_study.Observer(400, 8, seed), []
+            for _ in range(60):
+                answers.append((stairs.value, observer.says_yes(stairs.value)))
+                stairs.answer(answers[-1][1])
+            errors.append(math.log(subworld_study.fitted_threshold(answers, 8) / 400))
+        within = sum(abs(error) < 0.05 for error in errors) / len(errors)
+        expect(within >= 0.9, f"{rule}: {within:.2f} of the thresholds are within 5 %")
+        expect(abs(sum(errors) / len(errors)) < 0.015, f"{rule}: bias {sum(errors) / len(errors):.3f}")
+
+
+def orders(_folder):
+    for count in range(2, 8):
+        rows = subworld_study.latin_square(count)
+        for place in range(count):
+            expect(len({row[place] for row in rows}) == count, f"{count}: not all are at place {place}")
+        pairs = [(row[i], row[i + 1]) for row in rows for i in range(count - 1)]
+        expect(len({pairs.count(pair) for pair in pairs}) == 1, f"{count}: some pairs are more often")
+
+
+STUDY = """
+name: kill
+scene: press
+set: {duration_s: 0.1, settle.duration_s: 0.1}
+flags: {mode: lockstep, dds: cyclonedds}
+conditions: {a: {}, b: {users.coupling.stiffness_n_m: 300}}
+trials: 4
+pause: false
+questions: [{name: hard, text: "Hard?", answers: ["no", "yes"]}]
+"""
+
+
+def study(folder):
+    """A study that is killed, and then goes on."""
+    file, out = folder / "study.yaml", folder / "out"
+    file.write_text(STUDY)
+    words = [str(Path(subworld.command()).parent / "subworld_study"), str(file), "--out", str(out), "--observer", "1"]
+    table = out / "trials_1.csv"
+    killed = subprocess.Popen(words)
+    while not table.exists() or table.read_text().count("\n") < 4:
+        time.sleep(0.005)
+    killed.kill()
+    killed.wait()
+    done = table.read_text()
+    expect(done.count("\n") < 9, "it was over already")
+    table.write_text(done + "kill,1,cut o")  # a row that was not written whole
+    expect(subprocess.run(words, check=False).returncode == 0, "it does not go on")
+    lines = table.read_text().splitlines()
+    expect(table.read_text().startswith(done), "rows have changed")
+    expect([line.split(",")[2] for line in lines[1:]] == [str(i) for i in range(8)], "trials are missing, or twice")
+    expect(sum(",a," in line for line in lines) == 4, "conditions are not balanced")
+    expect(all(",ok," in line for line in lines[1:]), "a trial has no verdict")
+
+
+def module(folder):
+    lines = []
+    table = subworld.sweep("press", {"scheme": ["paper", "reduced"]}, out=folder / "sweep", mode="lockstep",
+                           duration=0.1, dds="cyclonedds", measure=lambda r: lines.append(1) or subworld.row_of(r))
+    expect(len(table) == 2 and all(table.verdict == "ok"), str(table))
+    expect(table.state_hash.nunique() == 2, "the setting had no effect")
+    before = {file: file.stat().st_mtime_ns for file in (folder / "sweep").rglob("summary.json")}
+    again = subworld.sweep("press", {"scheme": ["paper", "reduced"]}, out=folder / "sweep", mode="lockstep",
+                           duration=0.1, dds="cyclonedds")
+    expect(list(again.state_hash) == list(table.state_hash), "the second call has another result")
+    expect(all(file.stat().st_mtime_ns == since for file, since in before.items()), "it was run again")
+
+    scene = subworld.Scene("built", duration_s=0.1).material("wood", friction=0.5).plane(material="wood")
+    scene.box("cube", [0.1] * 3, 0.2, [0, 0, 0.05], material="wood")
+    scene.user("one", {"shape": "sphere", "radius_m": 0.03, "mass_kg": 0.1, "position_m": [-0.2, 0, 0.05]})
+    built = subworld.run(scene.write(folder / "built.yaml"), folder / "built", mode="lockstep", dds="cyclonedds")
+    expect(built.ok and len(built.tables.users[0]) > 50, built.verdict)
+
+    with subworld.start("press", folder / "live", mode="lockstep", duration=600, dds="cyclonedds") as live:
+        while "results in" not in live.log:
+            time.sleep(0.01)
+        expect("paused" in live.control("pause"), live.log)
+        expect("resumed" in live.control("resume"), live.log)
+    try:
+        subworld.run("no_such_scene", folder / "none")
+        expect(False, "no error")
+    except subworld.SubworldError as wrong:
+        expect(wrong.code == 2 and "no_such_scene" in str(wrong), str(wrong))
+
+
+def page(folder):
+    """The examples of deploy/python/README.md; of the repeats one is enough."""
+    os.chdir(folder)
+    text = (Path(__file__).resolve().parents[3] / "deploy/python/README.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, re.S)
+    expect(len(blocks) == 2, f"{len(blocks)} examples")
+    for block in blocks:
+        exec(block.replace("repeats=10", "repeats=1"), {})  # pylint: disable=exec-used
+
+
+if __name__ == "__main__":
+    {"staircases": staircases, "orders": orders, "study": study, "module": module, "page": page}[sys.argv[1]](Path(sys.argv[2]))
