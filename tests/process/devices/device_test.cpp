@@ -205,6 +205,23 @@ TEST_F(Devices, OfAnotherMakerAreBuiltOutsideTheTreeCheckedAndRun) {
   EXPECT_LE(largest_n, 12.0 * (1.0 + 1e-9)) << "the limit of the device, not that of the scene, holds";
 }
 
+// 19 faults of the service in one run; the stand-in is the device, and checks the force.
+TEST_F(Devices, AnInverse3SurvivesTheFaultsOfItsService) {
+  Words words{"/usr/bin/python3", std::string(SOURCE_FOLDER) + "/tests/support/haply_service.py", "all"};
+  const Words run = run_words(scene("press"), {"--mode", "realtime", "--duration", "1000"});
+  words.insert(words.end(), run.begin(), run.end());
+  const Ended ended = finish(words);
+  EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
+  EXPECT_EQ(summary()["device"][0]["driver"]["name"], "haply");
+}
+
+TEST_F(Devices, AnInverse3ThatIsNotThereIsNamed) {
+  const Ended checked = finish({program("subworld"), "device", "check", "haply", "--device-settings", "port=1"});
+  EXPECT_EQ(checked.code, 4) << checked.out;
+  EXPECT_NE(checked.out.find("the Haply Inverse Service at ws://127.0.0.1:1: "), std::string::npos) << checked.out;
+  EXPECT_NE(checked.out.find("start it, or name another address or port"), std::string::npos) << checked.out;
+}
+
 TEST_F(Devices, TheCheckOfAFaultyDriverEndsWith4) {
   const Ended ended = finish(
       {program("subworld"), "device", "check", "faulty", "--device-settings", "millimetres", "--duration", "0.5"},
