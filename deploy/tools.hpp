@@ -23,6 +23,7 @@ inline constexpr std::array kTools{
     Tool{"recorder", "Records the programs of one host of a session, for `subworld up --record`"},
     Tool{"replay", "Shows what a recording holds, publishes it, and re-simulates it"},
     Tool{"report", "Writes one page on a run, a session or a lab from its folder: figures, verdict, plots"},
+    Tool{"ros2", "Shows a run to ROS 2: forces, poses, tf, markers, clock; and takes devices from it"},
     Tool{"study", "Conducts a study: conditions, trials, staircases, questions, and one table"},
     Tool{"top", "Shows the domains in use, their programs, rates and missed deadlines"}};
 

@@ -94,12 +94,11 @@ class HaplyDriver final : public DeviceDriver {
     std::array<char, 256> text{};
     const auto& force = wrench.force_n;
     // The session has a name once, for the service's own display.
-    const int size =
-        std::snprintf(text.data(), text.size(),
-                      R"({%s"inverse3":[{"device_id":"%s","commands":{"set_cursor_force":{"values":)"
-                      R"({"x":%.6g,"y":%.6g,"z":%.6g}}}}]})",
-                      named_ ? "" : R"("session":{"configure":{"profile":{"name":"subworld"}}},)", id_.c_str(), force[0],
-                      force[1], force[2]);
+    const int size = std::snprintf(text.data(), text.size(),
+                                   R"({%s"inverse3":[{"device_id":"%s","commands":{"set_cursor_force":{"values":)"
+                                   R"({"x":%.6g,"y":%.6g,"z":%.6g}}}}]})",
+                                   named_ ? "" : R"("session":{"configure":{"profile":{"name":"subworld"}}},)",
+                                   id_.c_str(), force[0], force[1], force[2]);
     if (size < 0 || static_cast<std::size_t>(size) >= text.size()) throw std::runtime_error("device_id is too long");
     named_ = true;
     command_.assign(text.data(), static_cast<std::size_t>(size));
@@ -116,7 +115,8 @@ class HaplyDriver final : public DeviceDriver {
   [[nodiscard]] std::string place() const { return "ws://" + address_ + ":" + std::to_string(port_); }
 
   void connect() {
-    static const lws_protocols kProtocols[] = {{"", answer, 0, 4096, 0, nullptr, 0}, {nullptr, nullptr, 0, 0, 0, nullptr, 0}};
+    static const lws_protocols kProtocols[] = {{"", answer, 0, 4096, 0, nullptr, 0},
+                                               {nullptr, nullptr, 0, 0, 0, nullptr, 0}};
     lws_set_log_level(0, nullptr);
     lws_context_creation_info info{};
     info.port = CONTEXT_PORT_NO_LISTEN;
@@ -194,7 +194,8 @@ class HaplyDriver final : public DeviceDriver {
     }
     const auto state = device->find("state");
     if (state == device->end()) return;
-    const auto position = numbers(*state, "cursor_position", kAxes), velocity = numbers(*state, "cursor_velocity", kAxes);
+    const auto position = numbers(*state, "cursor_position", kAxes),
+               velocity = numbers(*state, "cursor_velocity", kAxes);
     if (!position || !velocity) return;
     DriverReading next{.time_s = std::chrono::duration<double>(Clock::now().time_since_epoch()).count(),
                        .position_m = *position,

@@ -15,7 +15,9 @@ using QosPointer = std::unique_ptr<dds_qos_t, decltype([](dds_qos_t* qos) { dds_
 using ListenerPointer =
     std::unique_ptr<dds_listener_t, decltype([](dds_listener_t* one) { dds_delete_listener(one); })>;
 
-inline dds_duration_t nanoseconds(double seconds) { return static_cast<dds_duration_t>(std::llround(seconds * 1e9)); }
+inline dds_duration_t nanoseconds(double seconds) {
+  return std::isinf(seconds) ? DDS_INFINITY : static_cast<dds_duration_t>(std::llround(seconds * 1e9));
+}
 
 inline QosPointer make_qos(const Qos& from) {
   QosPointer qos(dds_create_qos());

@@ -33,6 +33,7 @@ Entity* require(Entity* entity, const std::string& what) {
 }
 
 inline Duration_t duration(double seconds) {
+  if (std::isinf(seconds)) return eprosima::fastrtps::c_TimeInfinite;
   const double whole = std::floor(seconds);
   return {static_cast<std::int32_t>(whole), static_cast<std::uint32_t>((seconds - whole) * 1e9)};
 }

@@ -1,7 +1,12 @@
 #include "process/process_test.hpp"
 
+#include <map>
+#include <sstream>
+
 namespace subworld::test {
 namespace {
+
+std::string udp_settings(int port) { return "port=" + std::to_string(port) + " velocity=0"; }
 
 class ForeignDevice : public ProcessTest, public ::testing::WithParamInterface<std::string> {};
 
@@ -35,6 +40,36 @@ TEST_P(ForeignDevice, PlaysAUsersDeviceInARunningSystem) {
   const Json summed = Json::parse(read_text(out() + "/haptic_0.json"), nullptr, false);
   EXPECT_GT(summed["force_max_n"], 5.0);
   EXPECT_EQ(summed["ending"]["fault"], "");
+}
+
+// Another C program: its types come from the public definitions of ROS 2.
+TEST_P(ForeignDevice, OfRos2FeelsTheRunAndDrivesAUser) {
+  const TestDomain ros;
+  const int port = 47900 + domain_.number();
+  const std::string bridged = folder_.path() + "/bridge", peers = folder_.path() + "/peer";
+  for (const std::string& made : {bridged, peers}) std::filesystem::create_directory(made);
+  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "1000", "--dds", GetParam(),
+                                             "--device", "udp", "--device-settings", udp_settings(port)}),
+                  folder_.path());
+  Process bridge({program("subworld"), "ros2", scene("press"), "--domain", domain_.text(), "--dds", GetParam(),
+                  "--ros-domain", ros.text(), "--drive", "0", "--port", std::to_string(port)},
+                 bridged);
+  Process peer({program("ros2_peer"), ros.text()}, peers,
+               {{"CYCLONEDDS_URI", std::string("file://") + SOURCE_FOLDER + "/tests/interop/foreign_device.xml"}});
+  EXPECT_EQ(peer.wait(), 0) << peer.err();
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 0) << bridge.err();
+  process.signal(SIGTERM);
+  EXPECT_EQ(process.wait(), 0) << process.err();
+  std::istringstream words(peer.out());
+  std::map<std::string, std::string> heard;
+  for (std::string name, value; words >> name >> value;) heard[name] = value;
+  EXPECT_GT(std::stod("0" + heard["largest_n"]), 15.0) << "it presses the cube against the wall: " << peer.out();
+  EXPECT_EQ(heard["x_m"], "0.050") << peer.out();
+  EXPECT_GT(std::stol("0" + heard["clocks"]), 10) << peer.out();
+  EXPECT_GT(std::stol("0" + heard["transforms"]), 10) << peer.out();
+  EXPECT_EQ(heard["shown"], "3") << "cube, wall and proxy; the floor has no end: " << peer.out();
+  EXPECT_EQ(heard["frame"], "world") << peer.out();
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, ForeignDevice, ::testing::Values("fastdds"),

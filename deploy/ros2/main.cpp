@@ -1,0 +1,346 @@
+// Shows a run to ROS 2, and takes devices from it: plain DDS with ROS 2's names and types.
+#include "io/options/options.hpp"
+#include "io/results/output.hpp"
+#include "model/error.hpp"
+#include "model/tool_link.hpp"
+#include "ros2/messages.hpp"
+#include "rt/stop.hpp"
+#include "tools.hpp"
+#include "wire/codec/cdr.hpp"
+#include "wire/codec/codec.hpp"
+#include "wire/observer.hpp"
+#include "wire/plugin.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <map>
+#include <memory>
+#include <thread>
+
+namespace {
+
+using namespace subworld;
+using SteadyClock = std::chrono::steady_clock;
+constexpr const char* kFrame = "world";
+
+struct Request {
+  Options options;
+  int ros_domain = 0;
+  std::vector<int> driven;  ///< users
+  int first_port = 47800;   ///< of the device udp of user 0
+};
+
+/// What ROS 2 does is no event of the run.
+class NoEvents final : public wire::EventSink {
+ public:
+  void report(wire::Event, std::uint64_t, const char*, const char*, const char*) noexcept override {}
+  void wake() noexcept override {}
+};
+
+ros2::Time time_of(double s) {
+  const double whole = std::floor(s);
+  return {static_cast<std::int32_t>(whole), static_cast<std::uint32_t>((s - whole) * 1e9)};
+}
+ros2::Header header_of(double stamp_s) { return {time_of(stamp_s), kFrame}; }
+ros2::Vector3 to_ros(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+ros2::Quaternion to_ros(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
+ros2::Pose to_ros(const Vec3& position, const Quat& orientation) { return {to_ros(position), to_ros(orientation)}; }
+
+/// The domain of ROS 2.
+class Ros {
+ public:
+  Ros(const Network& network, int domain) {
+    BusConfig config{.vendor = parse_vendor(network.dds), .domain = domain};
+    config.interface_address = network.interface_address;
+    config.peers = network.peers;
+    config.participant_name = "subworld_ros2";
+    backend_.reset(wire::load_plugin(config.vendor)(wire::prepare(config), events_));
+  }
+
+  template <class M>
+  class Writer {
+   public:
+    explicit Writer(std::unique_ptr<wire::BackendWriter> writer) : writer_(std::move(writer)) {}
+    void write(const M& message) {
+      if (writer_->matched() == 0) return;
+      CdrWriter archive(bytes_, changes_);
+      fields(archive, message);
+      writer_->write(archive.written());
+    }
+
+   private:
+    std::unique_ptr<wire::BackendWriter> writer_;
+    std::vector<std::uint8_t> bytes_;
+    Changes changes_;
+  };
+
+  /// ROS 2's default quality of service is reliable, volatile, the last 10. A reader that asks for less matches too.
+  template <class M>
+  [[nodiscard]] Writer<M> writer(const std::string& topic) {
+    return Writer<M>(backend_->create_writer(spec<M>(topic, Reliability::reliable)));
+  }
+  template <class M>
+  [[nodiscard]] std::unique_ptr<wire::BackendReader> reader(const std::string& topic) {
+    return backend_->create_reader(spec<M>(topic, Reliability::best_effort));
+  }
+
+ private:
+  template <class M>
+  wire::EndpointSpec spec(const std::string& topic, Reliability reliability) {
+    const std::string& name = names_.emplace_back("rt/" + topic);
+    wire::EndpointSpec made{};
+    made.topic = {.name = name.c_str(),
+                  .type = M::kType,
+                  .key_words = 0,
+                  .reliability = reliability,
+                  .durability = Durability::volatile_,
+                  .depth = 10,
+                  .deadline = DeadlineKind::none,
+                  .delayed = {}};
+    made.qos.reliable = reliability == Reliability::reliable;
+    made.qos.depth = made.topic.depth;
+    made.qos.lease_s = std::numeric_limits<double>::infinity();  // as ROS 2
+    return made;
+  }
+
+  std::deque<std::string> names_;
+  NoEvents events_;
+  std::unique_ptr<wire::Backend> backend_;
+};
+
+/// Reads a topic of the run without taking part in it.
+template <class M>
+class Watched {
+ public:
+  Watched(const Bus& bus, const std::string& partition)
+      : reader_(Observer::reader(bus, kTopicIndex<M>, partition)), codec_(make_codec(kTopicIndex<M>)) {}
+  bool take(M& message) {
+    std::uint64_t writer = 0;
+    while (reader_->take(bytes_, writer))
+      if (codec_->decode(bytes_, &message) == Decoded::sample) return true;
+    return false;
+  }
+
+ private:
+  std::unique_ptr<wire::BackendReader> reader_;
+  std::unique_ptr<AnyCodec> codec_;
+  std::vector<std::uint8_t> bytes_;
+};
+
+/// A user's force and pose for ROS 2, and the poses of ROS 2 for the user's device `udp`.
+class UserBridge {
+ public:
+  UserBridge(const Bus& bus, Ros& ros, int user, std::optional<int> port)
+      : commands_(bus, device_partition(user)),
+        states_(bus, device_partition(user)),
+        wrenches_(ros.writer<ros2::WrenchStamped>(topic(user, "wrench"))),
+        poses_(ros.writer<ros2::PoseStamped>(topic(user, "pose"))) {
+    if (!port) return;
+    moves_ = ros.reader<ros2::PoseStamped>(topic(user, "command_pose"));
+    socket_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    to_.sin_family = AF_INET;
+    to_.sin_port = htons(static_cast<std::uint16_t>(*port));
+    to_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  }
+  ~UserBridge() {
+    if (socket_ >= 0) close(socket_);
+  }
+  UserBridge(const UserBridge&) = delete;
+  UserBridge& operator=(const UserBridge&) = delete;
+
+  /// Returns whether the run is over for this user.
+  bool pass() {
+    while (commands_.take(command_))
+      wrenches_.write(
+          {header_of(command_.stamp_s), to_ros(command_.wrench.force), to_ros(command_.wrench.torque)});
+    while (states_.take(state_))
+      poses_.write({header_of(command_.stamp_s), to_ros(state_.pose.position, state_.pose.orientation)});
+    if (moves_) drive();
+    return command_.last;
+  }
+
+ private:
+  static std::string topic(int user, const char* name) { return fmt::format("subworld/user_{}/{}", user, name); }
+
+  void drive() {
+    std::uint64_t writer = 0;
+    while (moves_->take(bytes_, writer)) {
+      ros2::PoseStamped move;
+      Changes changes;
+      CdrReader archive(bytes_, changes);
+      if (!archive.is_plain() || !fields(archive, move)) continue;
+      const auto& [p, q] = move.pose;
+      PoseDatagram pose{.mark = kPoseMark,
+                        .number = ++number_,
+                        .time_s = std::chrono::duration<double>(SteadyClock::now().time_since_epoch()).count(),
+                        .position_m = {p.x, p.y, p.z},
+                        .orientation = {q.w, q.x, q.y, q.z},
+                        .linear_velocity_m_s = {},
+                        .angular_velocity_rad_s = {},
+                        .buttons = 0,
+                        .flags = 0};
+      (void)sendto(socket_, &pose, sizeof pose, 0, reinterpret_cast<const sockaddr*>(&to_), sizeof to_);
+    }
+  }
+
+  Watched<DeviceCommand> commands_;
+  Watched<DeviceState> states_;
+  Ros::Writer<ros2::WrenchStamped> wrenches_;
+  Ros::Writer<ros2::PoseStamped> poses_;
+  std::unique_ptr<wire::BackendReader> moves_;
+  std::vector<std::uint8_t> bytes_;
+  DeviceCommand command_;
+  DeviceState state_;
+  sockaddr_in to_{};
+  int socket_ = -1;
+  std::uint32_t number_ = 0;
+};
+
+/// The bodies for ROS 2, as the world describes them 60 times a second.
+class WorldBridge {
+ public:
+  WorldBridge(const Bus& bus, Ros& ros, const Scene& scene)
+      : scene_(scene),
+        snapshots_(bus, {}),
+        clock_(ros.writer<ros2::Clock>("clock")),
+        transforms_(ros.writer<ros2::TFMessage>("tf")),
+        markers_(ros.writer<ros2::MarkerArray>("subworld/markers")) {
+    for (const Body& body : scene.bodies)
+      if (index(body.id) < scene.initial.size()) states_[index(body.id)] = scene.initial[index(body.id)];
+  }
+
+  void pass() {
+    constexpr double kMarkersEvery_s = 0.1;
+    while (snapshots_.take(snapshot_)) {
+      const double now_s = snapshot_.stamp_s;
+      clock_.write({time_of(now_s)});
+      ros2::TFMessage moved;
+      for (const StampedBody& one : snapshot_.moved) {
+        if (index(one.id) >= scene_.bodies.size()) continue;
+        states_[index(one.id)] = one.state;
+        moved.transforms.push_back({header_of(now_s), scene_.bodies[index(one.id)].name, to_ros(one.state.position),
+                                    to_ros(one.state.orientation)});
+      }
+      transforms_.write(moved);
+      if (now_s - marked_s_ < kMarkersEvery_s && now_s >= marked_s_) continue;
+      marked_s_ = now_s;
+      markers_.write(marks(now_s));
+    }
+  }
+
+ private:
+  [[nodiscard]] ros2::MarkerArray marks(double now_s) const {
+    ros2::MarkerArray all;
+    for (const auto& [id, state] : states_) {
+      const Body& body = scene_.bodies[id];
+      ros2::Marker mark{.header = header_of(now_s), .ns = "subworld"};
+      mark.id = static_cast<std::int32_t>(id);
+      mark.pose = to_ros(state.position, state.orientation);
+      mark.color = body.fixed() ? ros2::ColorRGBA{0.6F, 0.6F, 0.6F, 1.0F} : ros2::ColorRGBA{0.3F, 0.5F, 0.8F, 1.0F};
+      if (give_shape(body.shape, mark)) all.markers.push_back(std::move(mark));
+    }
+    return all;
+  }
+
+  /// False where there is nothing to show: a half-space has no end.
+  bool give_shape(const Shape& shape, ros2::Marker& mark) const {
+    const double across_m = 2.0 * shape.radius;
+    switch (shape.kind) {
+      case ShapeKind::plane:
+        return false;
+      case ShapeKind::sphere:
+        mark.type = ros2::Marker::sphere, mark.scale = {across_m, across_m, across_m};
+        return true;
+      case ShapeKind::box:
+        mark.scale = to_ros(Vec3(2.0 * shape.half_extents));
+        return true;
+      case ShapeKind::capsule:
+      case ShapeKind::cylinder: {
+        const double caps_m = shape.kind == ShapeKind::capsule ? across_m : 0.0;
+        mark.type = ros2::Marker::cylinder, mark.scale = {across_m, across_m, 2.0 * shape.half_length + caps_m};
+        return true;
+      }
+      case ShapeKind::convex:
+      case ShapeKind::mesh:
+      case ShapeKind::compound:
+        break;
+    }
+    if (shape.mesh >= scene_.meshes.size()) return false;
+    const Mesh& mesh = scene_.meshes[shape.mesh];
+    mark.type = ros2::Marker::triangle_list, mark.scale = {1.0, 1.0, 1.0};
+    for (const auto& corners : mesh.triangles)
+      for (const std::uint32_t corner : corners) mark.points.push_back(to_ros(mesh.vertices[corner]));
+    return true;
+  }
+
+  const Scene& scene_;
+  Watched<WorldSnapshot> snapshots_;
+  Ros::Writer<ros2::Clock> clock_;
+  Ros::Writer<ros2::TFMessage> transforms_;
+  Ros::Writer<ros2::MarkerArray> markers_;
+  WorldSnapshot snapshot_;
+  std::map<std::size_t, BodyState> states_;
+  double marked_s_ = -1.0;
+};
+
+void bridge(const Request& request) {
+  const Scene scene = load_scene(request.options);
+  for (const int user : request.driven) {
+    if (user >= scene.settings.users)
+      throw Error(ExitCode::usage, fmt::format("--drive {}: {} users take part", user, scene.settings.users));
+  }
+  const auto bus = open_bus(request.options.network, scene.settings, scene.settings.h_s, "subworld ros2");
+  Ros ros(request.options.network, request.ros_domain);
+  WorldBridge world(*bus, ros, scene);
+  std::deque<UserBridge> users;
+  for (int user = 0; user < scene.settings.users; ++user) {
+    const bool driven = std::ranges::find(request.driven, user) != request.driven.end();
+    users.emplace_back(*bus, ros, user, driven ? std::optional(request.first_port + user) : std::nullopt);
+  }
+  fmt::print("subworld ros2: domain {} for ROS 2, of the run {}; {} users\n", request.ros_domain,
+             request.options.network.domain, users.size());
+  std::fflush(stdout);
+  watch_stop_signals(kLongestEnd_s);
+  constexpr std::chrono::microseconds kLook{500};
+  for (bool over = false; !over && stop_signal() == 0;) {
+    world.pass();
+    over = true;
+    for (UserBridge& user : users) over &= user.pass();
+    std::this_thread::sleep_for(kLook);
+  }
+}
+
+int main_of(int argc, char** argv) {
+  CommandLine line("subworld ros2", about_tool("ros2"));
+  Request request;
+  std::vector<std::string> driven;
+  add_run_options(line, request.options);
+  add_dds(line, request.options.network.dds, {"fastdds", "cyclonedds"});
+  add_domain(line, request.options.network.domain);
+  line.add("--ros-domain", &request.ros_domain, "domain of ROS 2: its ROS_DOMAIN_ID").range(0, 232);
+  line.add("--drive", &driven, "users whose device `udp` follows subworld/user_U/command_pose, separated by commas")
+      .otherwise("none");
+  line.add("--port", &request.first_port, "UDP port of the device `udp` of user 0; the next users have the next ones")
+      .range(1024, 65472);
+  line.footer(
+      "Examples:\n"
+      "  subworld ros2 heap --domain 100\n"
+      "  subworld ros2 press --domain 100 --drive 0");
+  if (const auto code = line.parse(argc, argv)) return *code;
+  for (const std::string& user : driven) request.driven.push_back(std::atoi(user.c_str()));
+  bridge(request);
+  return static_cast<int>(ExitCode::done);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return subworld::finished("subworld ros2",
+                            subworld::guarded("subworld ros2", [&] { return main_of(argc, argv); }));
+}
