@@ -227,7 +227,7 @@ class Backend {
 inline constexpr int kMessageBytes = 65500;
 inline constexpr int kPacketHeaderBytes = 28;  ///< IP and UDP
 
-inline constexpr const char* kKeysCure = "; examine the keys with `subworld keys check`";
+inline constexpr const char* kKeysCure = "the keys do not fit: examine them with `subworld keys check`; or ";
 
 /// Files of DDS Security: what a program shows to prove its role, and by what it judges others.
 struct Keys {

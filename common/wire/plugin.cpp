@@ -148,6 +148,8 @@ std::vector<std::string> ignore_variables() {
 }
 
 Keys keys_of(const std::string& folder, std::string_view program) {
+  if (folder.find_first_of("\"\\") != std::string::npos)
+    fail(fmt::format("--secure {}: Cyclone DDS opens no path with \" or \\; rename the folder", folder));
   std::string role(program.starts_with("subworld") ? "subworld" : program);
   std::ranges::replace(role, ' ', '_');
   const std::filesystem::path all = std::filesystem::absolute(folder), own = all / role;
@@ -156,8 +158,10 @@ Keys keys_of(const std::string& folder, std::string_view program) {
   for (const std::string& file :
        {keys.authority, keys.governance, keys.certificate, keys.private_key, keys.permissions}) {
     if (access(file.c_str(), R_OK) == 0) continue;
-    fail(fmt::format("--secure {}: {}: {}; make the keys with `subworld keys make`, or copy this role's to this host",
-                     folder, file, std::strerror(errno)));
+    fail(fmt::format(
+        "--secure {}: {}: {}; make keys for all users with `subworld keys make NEW --users N`, or copy those of this "
+        "role to this host",
+        folder, file, std::strerror(errno)));
   }
   return keys;
 }
@@ -189,6 +193,9 @@ Opening prepare(const BusConfig& config) {
           fmt::format("--peers: host {}: {}; give IPv4 addresses or names that this machine can resolve", peer, error));
   }
 
+  constexpr int kLastSecured = 230;  // for both vendors
+  if (!config.secure.empty() && config.domain > kLastSecured)
+    fail(fmt::format("--secure: keys hold for the domains 0 to {}; choose another --domain", kLastSecured));
   if (!config.secure.empty()) opening.keys = keys_of(config.secure, config.participant_name);
   const auto beside = program_folder() / "qos" / (std::string(vendor.name) + ".xml");
   if (!config.qos_file.empty()) {

@@ -33,7 +33,7 @@ std::string command_of(const Request& request) {
   if (!request.network.peers.empty()) text += fmt::format(" --peers {}", joined(request.network.peers, ","));
   if (request.dds != "fastdds") text += " --dds " + request.dds;
   if (!request.network.qos_file.empty()) text += " --qos " + request.network.qos_file;
-  if (!request.network.secure.empty()) text += " --secure " + request.network.secure;
+  if (!request.network.secure.empty()) text += " --secure " + shell_word(request.network.secure);
   return text;
 }
 

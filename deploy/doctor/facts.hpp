@@ -79,6 +79,7 @@ struct NetworkFacts {
   std::vector<Interface> interfaces = {};
   std::vector<Peer> peers = {};
   std::vector<std::string> key_faults = {};  ///< of --secure
+  int keys_of_users = 0;                     ///< in its folder
 };
 
 /// A port of the domain that another program has.

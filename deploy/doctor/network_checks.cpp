@@ -194,9 +194,19 @@ void judge_keys(const Facts& facts, Findings& out) {
   for (const std::string& fault : facts.network.key_faults) {
     out.push_back({.what = fault,
                    .why = "a program with these keys does not start, or no other program hears it",
-                   .cure = fmt::format("rm -r {0} && subworld keys make {0} --users {1}  # or copy the role's folder "
-                                       "from the host where the keys were made",
-                                       folder, facts.domain.users.value_or(1))});
+                   .cure = fmt::format("subworld keys make {} --users {}  # and use it on all hosts; or copy the "
+                                       "role's folder from where the keys were made",
+                                       shell_word(folder + "_new"), std::max(1, facts.network.keys_of_users))});
+  }
+  for (const RunningProgram& one : facts.domain.programs) {
+    const auto keys = value_of(one.words, "--secure");
+    if (!keys || !folder.empty() || one.domain != facts.domain.number) continue;
+    Request with = facts.request;
+    with.network.secure = *keys;
+    out.push_back({.what = fmt::format("the run on domain {} has keys", one.domain),
+                   .why = "the doctor hears nothing of it without them",
+                   .cure = command_of(with)});
+    return;
   }
 }
 

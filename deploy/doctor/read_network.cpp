@@ -182,7 +182,10 @@ bool is_absent_neighbour(const std::string& address) {
 
 void read_network(const Request& request, NetworkFacts& network) {
   network.interfaces = read_interfaces();
-  if (!request.network.secure.empty()) network.key_faults = key_faults(request.network.secure);
+  if (!request.network.secure.empty()) {
+    network.key_faults = key_faults(request.network.secure);
+    network.keys_of_users = users_with_keys(request.network.secure);
+  }
   std::vector<std::future<Peer>> answers;
   for (const std::string& host : request.network.peers)
     answers.push_back(std::async(std::launch::async, [&, host] { return examine(host, network.interfaces); }));

@@ -9,6 +9,7 @@
 #include <fmt/core.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstdlib>
@@ -133,9 +134,12 @@ std::string permissions(const Role& role, const std::string& from, const std::st
 }  // namespace
 
 void make_keys(const KeysRequest& request) {
+  if (request.folder.empty()) throw Error(ExitCode::usage, "names no folder for the keys");
   const files::path all = files::absolute(request.folder);
   if (files::exists(all / "authority.pem"))
-    throw Error(ExitCode::usage, fmt::format("{}: has keys already; name another folder, or remove it", all.string()));
+    throw Error(ExitCode::usage,
+                fmt::format("{}: has keys already; name another folder: the keys of all users are made together",
+                            all.string()));
   umask(S_IRWXG | S_IRWXO);  // a key is the owner's alone
   files::create_directories(all);
   const std::string days = std::to_string(request.days);
@@ -157,21 +161,56 @@ void make_keys(const KeysRequest& request) {
   files::remove(all / "openssl.log");
 }
 
+int users_with_keys(const std::string& folder) {
+  int users = 0;
+  while (files::exists(files::path(folder) / fmt::format("haptic_sim_{}", users))) ++users;
+  return users;
+}
+
+namespace {
+
+/// What is wrong with files of a folder, before their contents count.
+void check_files(const files::path& folder, const std::vector<std::string>& names, std::vector<std::string>& faults) {
+  for (const std::string& name : names) {
+    const files::path file = folder / name;
+    const files::file_status status = files::status(file);
+    if (!files::is_regular_file(status) || access(file.c_str(), R_OK) != 0)
+      faults.push_back(fmt::format("{}: is missing, or cannot be read", file.string()));
+    else if (name == "key.pem" &&
+             (status.permissions() & (files::perms::group_all | files::perms::others_all)) != files::perms::none)
+      faults.push_back(fmt::format("{}: others may read it; chmod 600", file.string()));
+  }
+}
+
+}  // namespace
+
 std::vector<std::string> key_faults(const std::string& folder) {
   std::vector<std::string> faults;
+  if (!files::is_directory(folder)) return {fmt::format("{}: is no folder; `subworld keys make` makes one", folder)};
   const files::path all = files::absolute(folder);
-  if (!files::exists(all / "authority.pem")) return {fmt::format("{}: has no authority.pem", all.string())};
+  check_files(all, {"authority.pem", "governance.p7s"}, faults);
+  if (!faults.empty()) return faults;
   const auto check = [&](const files::path& where, const std::string& words, const std::string& what) {
-    if (!openssl(where, words)) faults.push_back(fmt::format("{}: {}", where.string(), what));
+    const bool holds = openssl(where, words);
+    if (!holds) faults.push_back(fmt::format("{}: {}", where.string(), what));
+    return holds;
   };
-  const std::string expired = "x509 -checkend 0 -noout -in ";
+  const std::string readable = "x509 -noout -in ", expired = "x509 -checkend 0 -noout -in ";
+  if (!check(all, readable + "authority.pem", "authority.pem is no certificate")) return faults;
   check(all, expired + "authority.pem", "authority.pem has expired");
   check(all, "smime -verify -text -in governance.p7s -CAfile authority.pem",
         "governance.p7s is not signed by this authority, or was changed");
+  if (files::exists(all / "authority_key.pem"))
+    check(all, "x509 -noout -pubkey -in authority.pem > p && openssl pkey -in authority_key.pem -pubout | cmp - p",
+          "authority_key.pem does not belong to authority.pem");
   for (const auto& entry : files::directory_iterator(all)) {
     if (!entry.is_directory()) continue;
     const files::path& own = entry.path();
     const std::string role = own.filename().string();
+    const std::size_t before = faults.size();
+    check_files(own, {"certificate.pem", "key.pem", "permissions.p7s"}, faults);
+    if (faults.size() > before || !check(own, readable + "certificate.pem", "certificate.pem is no certificate"))
+      continue;
     check(own, expired + "certificate.pem", "certificate.pem has expired");
     check(own, "verify -no_check_time -CAfile ../authority.pem certificate.pem",
           "certificate.pem is not of this authority");
@@ -185,7 +224,7 @@ std::vector<std::string> key_faults(const std::string& folder) {
           fmt::format("permissions.p7s is not that of {}, is not signed by this authority, or was changed", role));
     for (const char* made : {"p", "openssl.log"}) files::remove(own / made);
   }
-  files::remove(all / "openssl.log");
+  for (const char* made : {"p", "openssl.log"}) files::remove(all / made);
   return faults;
 }
 

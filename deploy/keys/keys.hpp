@@ -18,6 +18,9 @@ struct KeysRequest {
 /// already, and (failed) where openssl fails.
 void make_keys(const KeysRequest& request);
 
+/// Users for whom a folder has keys.
+[[nodiscard]] int users_with_keys(const std::string& folder);
+
 /// What is wrong with the keys of a folder, in words; empty: nothing.
 [[nodiscard]] std::vector<std::string> key_faults(const std::string& folder);
 

@@ -29,10 +29,10 @@ int main_of(int argc, char** argv) {
   if (make.chosen()) {
     make_keys(request);
     fmt::print(
-        "{0}: keys for {1} users, valid for {2} days\n"
+        "{0}: keys for {1} user{3}, valid for {2} days\n"
         "Each host needs authority.pem, governance.p7s and the folders of its programs. Keep authority_key.pem: who "
         "has it can make more keys.\n",
-        request.folder, request.users, request.days);
+        request.folder, request.users, request.days, request.users == 1 ? "" : "s");
     return static_cast<int>(ExitCode::done);
   }
   const std::vector<std::string> faults = key_faults(request.folder);

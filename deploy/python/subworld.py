@@ -3,6 +3,7 @@
 This module starts the command `subworld` and reads what it writes: it has no simulation of its own.
 """
 
+import hashlib
 import itertools
 import json
 import os
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -103,10 +105,14 @@ class Run:
         return self._log.read()
 
     def control(self, *order, timeout_s: float = 20.0) -> str:
-        """An order, as in control("pause") or control("engine", "ode", haptic=...). Returns the answers."""
-        domain = re.search(r"domain (\d+), results in", self.log)
-        if not domain:
-            raise SubworldError("the run has not started yet: its first line names its domain")
+        """An order, as in control("pause") or control("engine", "ode", "--haptic"). Returns the answers."""
+        limit = time.monotonic() + timeout_s
+        while not (domain := re.search(r"domain (\d+), results in", self.log)):
+            if not self.running or time.monotonic() > limit:
+                raise SubworldError(f"the run does not say its domain: {self.log[-400:]}")
+            time.sleep(0.01)
+        if not self.running:
+            raise SubworldError("the run is over")
         done = subprocess.run(
             [command(), "control", *map(str, order), "--domain", domain[1], "--wait", str(timeout_s), *self._meeting],
             capture_output=True, text=True, check=False,
@@ -126,7 +132,7 @@ class Run:
         file = self.folder / "summary.json"
         if code not in (0, 4) or not file.exists():
             errors = [line for line in self.log.splitlines() if "error" in line]
-            raise SubworldError("\n".join(errors[-3:]) or self.log[-400:], code)
+            raise SubworldError("\n".join(errors[-3:]) or self.log[-400:] or f"ended with {code}, without results", code)
         return Result(self.folder, code, json.loads(file.read_text(encoding="utf-8")))
 
 
@@ -158,7 +164,8 @@ def row_of(result: Result) -> dict:
 def sweep(scene, axes: dict, out, repeats: int = 1, jobs: int = 1, measure=row_of, **settings) -> pandas.DataFrame:
     """Runs every combination of `axes`, {KEY of a setting: values}, and returns a row for each run.
 
-    `out` keeps a folder for each run. What it has already is not run again. `jobs` runs at once: leave 1 for real time.
+    `out` keeps a folder for each run, named by what was asked. What it has already is not run again, also of another
+    sweep: add values, and only those are run. `jobs` runs at once: leave 1 for real time.
     `measure`: the columns of a row, from a Result.
     """
     base = settings.pop("set", None) or {}
@@ -167,17 +174,21 @@ def sweep(scene, axes: dict, out, repeats: int = 1, jobs: int = 1, measure=row_o
 
     def one(position):
         cell, repeat = cells[position]
-        folder = Path(out) / f"{position:04d}"
         asked = json.dumps([str(scene), base, cell, repeat, settings], sort_keys=True, default=str)
+        folder = Path(out) / hashlib.sha256(asked.encode()).hexdigest()[:12]
         note = folder.with_suffix(".json")
-        if not (note.exists() and note.read_text(encoding="utf-8") == asked):
+        if not note.exists():
             shutil.rmtree(folder, ignore_errors=True)
-            run(scene, folder, set={**base, **cell}, **settings)
+            result = run(scene, folder, set={**base, **cell}, **settings)
+            if result.verdict.startswith("stopped"):
+                raise SubworldError(f"{cell}: {result.verdict}; call the sweep again, and it goes on")
             note.write_text(asked, encoding="utf-8")  # only now: a run that was interrupted is run again
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         print(f"[{position + 1}/{len(cells)}] {cell}: {summary.get('verdict', '')[:80]}", file=sys.stderr)
         return {**cell, "repeat": repeat, "folder": str(folder), **measure(Result(folder, 0, summary))}
 
+    if not cells:
+        raise ValueError("a sweep needs values for each axis, and repeats of at least 1")
     Path(out).mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(jobs) as pool:
         return pandas.DataFrame(list(pool.map(one, range(len(cells)))))

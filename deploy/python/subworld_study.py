@@ -9,6 +9,7 @@ import json
 import math
 import os
 import random
+import re
 import shutil
 import sys
 import time
@@ -99,6 +100,7 @@ class Observer:
 
     def __init__(self, threshold: float, slope: float, seed: int):
         self._threshold, self._slope, self._random = threshold, slope, random.Random(seed)
+        self.name = f"{threshold:g} {slope:g}"
 
     def says_yes(self, value: float) -> bool:
         return self._random.random() < detected_ratio(value, self._threshold, self._slope)
@@ -134,6 +136,21 @@ KEYS = {
 STAIRCASE_KEYS = {"parameter", "rule", "start", "step", "lowest", "highest", "slope", "guess", "question"}
 
 
+class Loader(yaml.SafeLoader):
+    """Refuses two equal keys, of which the first would vanish."""
+
+    def construct_mapping(self, node, deep=False):
+        keys = [self.construct_object(key, deep=deep) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise StudyError(f"line {node.start_mark.line + 1}: {key} is there twice")
+        return super().construct_mapping(node, deep)
+
+
+COLUMNS = ["study", "participant", "trial", "block", "condition", "value", "set", "folder", "recording", "verdict"]
+COLUMNS += ["state_hash", "force_rms_n", "started", "answered_s", "observer"]
+
+
 @dataclass
 class Study:
     """A study's file. `trials`: for each condition in each block; for a staircase, in all."""
@@ -145,8 +162,10 @@ class Study:
     @staticmethod
     def load(file) -> "Study":
         try:
-            data = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
-        except (OSError, yaml.YAMLError) as wrong:
+            data = yaml.load(Path(file).read_text(encoding="utf-8"), Loader)
+        except OSError as wrong:
+            raise StudyError(f"{file}: {wrong.strerror}") from wrong
+        except (yaml.YAMLError, StudyError) as wrong:
             raise StudyError(f"{file}: {wrong}") from wrong
         if not isinstance(data, dict) or "scene" not in data:
             raise StudyError(f"{file}: names no scene")
@@ -164,9 +183,30 @@ class Study:
             refuse("give either conditions or a staircase")
         if self.data.get("order", "random") not in ("random", "latin_square", "fixed"):
             refuse(f"order: {self.data['order']}: choose one of random, latin_square, fixed")
-        for question in self.questions:
-            if not {"name", "text"} <= question.keys() or ("answers" in question) == ("from" in question):
-                refuse(f"questions: {question}: has a name, a text, and either answers, or from and to")
+        for key, least in (("trials", 1), ("blocks", 1)):
+            if not isinstance(self.data.get(key, least), int) or self.data.get(key, least) < least:
+                refuse(f"{key}: {self.data[key]}: must be a whole number from {least}")
+        for key in ("set", "flags", "conditions"):
+            if not isinstance(self.data.get(key) or {}, dict):
+                refuse(f"{key}: must be a list of KEY: VALUE")
+        for key in {"out", "set"} & (self.data.get("flags") or {}).keys():
+            refuse(f"flags.{key}: the study chooses it")
+        if not isinstance(self.questions, list):
+            refuse("questions: must be a list")
+        names = [one.get("name") if isinstance(one, dict) else None for one in self.questions]
+        for question, name in zip(self.questions, names):
+            if not isinstance(question, dict) or not {"name", "text"} <= question.keys():
+                refuse(f"questions: {question}: has no name, or no text")
+            if name in COLUMNS or names.count(name) > 1:
+                refuse(f"questions: {name}: is the name of another column of the table")
+            if ("answers" in question) == ("from" in question):
+                refuse(f"questions: {name}: has either answers, or from and to")
+            if any(isinstance(one, bool) for one in question.get("answers", [])):
+                refuse(f'questions: {name}: put yes and no into quotes: answers: ["no", "yes"]')
+            if "from" in question:
+                ends = [question["from"], question.get("to")]
+                if not all(isinstance(one, int) for one in ends) or ends[0] >= ends[1]:
+                    refuse(f"questions: {name}: from and to are whole numbers, from < to")
         stairs = self.data.get("staircase")
         if stairs is None:
             return
@@ -177,8 +217,14 @@ class Study:
                 refuse(f"staircase: has no {key}")
         if stairs.get("rule", "quest") not in RULES:
             refuse(f"staircase.rule: choose one of {', '.join(RULES)}")
-        if not 0 < stairs["lowest"] <= stairs["start"] <= stairs["highest"]:
+        numbers = {"slope": 3.5, "guess": 0.0, "step": 1.2, **stairs}
+        for key in ("start", "lowest", "highest", "slope", "guess", "step"):
+            if isinstance(numbers[key], bool) or not isinstance(numbers[key], (int, float)):
+                refuse(f"staircase.{key}: {numbers[key]}: must be a number")
+        if not 0 < stairs["lowest"] <= stairs["start"] <= stairs["highest"] or stairs["lowest"] == stairs["highest"]:
             refuse("staircase: 0 < lowest <= start <= highest must hold")
+        if numbers["step"] <= 1 or numbers["slope"] <= 0 or not 0 <= numbers["guess"] < 0.9:
+            refuse("staircase: step > 1, slope > 0 and 0 <= guess < 0.9 must hold")
         asked = [one for one in self.questions if one["name"] == stairs["question"] and len(one.get("answers", [])) == 2]
         if not asked:
             refuse(f"staircase.question: {stairs['question']}: is no question with two answers; the second means yes")
@@ -255,9 +301,10 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
     """Goes on with a participant's trials in a folder, from the first one that its table does not have."""
     out.mkdir(parents=True, exist_ok=True)
     names = [question["name"] for question in study.questions]
-    columns = ["study", "participant", "trial", "block", "condition", "value", "set", "folder", "recording", "verdict"]
-    columns += ["state_hash", "force_rms_n", "started", "answered_s"] + names
-    table = Table(out / f"trials_{participant}.csv", columns)
+    table = Table(out / f"trials_{participant}.csv", COLUMNS + names)
+    answering = observer.name if observer else ""
+    if any(row["observer"] != answering for row in table.rows):
+        raise StudyError(f"{out}: has answers of another observer, or of a person; name another folder with --out")
     stairs = study.data.get("staircase")
     rule = RULES[stairs.get("rule", "quest")](**{"step": 1.2, **stairs}) if stairs else None
     yes = next(q["answers"][1] for q in study.questions if q["name"] == stairs["question"]) if stairs else None
@@ -285,6 +332,7 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
         folder = out / f"participant_{participant}" / f"trial_{trial.number:03d}"
         row = {"study": study.data.get("name", study.file.stem), "participant": participant, "trial": trial.number}
         row |= {"block": trial.block, "condition": trial.condition, "value": value, "set": json.dumps(changes)}
+        row["observer"] = answering
         row["started"] = time.strftime("%Y-%m-%dT%H:%M:%S")
         if runs:
             shutil.rmtree(folder, ignore_errors=True)  # of a trial that did not end
@@ -308,11 +356,29 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
         table.add(row)
         if stairs:
             note(value, row[stairs["question"]])
-        print(f"[{trial.number + 1}/{len(plan)}] {trial.condition} {value}", file=sys.stderr)
+        # A person must not learn it.
+        condition = "" if person else f" {trial.condition} {value}"
+        print(f"[{trial.number + 1}/{len(plan)}]{condition}", file=sys.stderr)
     summary = {"trials": len(table.rows), "table": str(out / f"trials_{participant}.csv")}
     if stairs and answers:
-        summary["threshold"] = fitted_threshold(answers, stairs.get("slope", 3.5), stairs.get("guess", 0.0))
+        threshold = fitted_threshold(answers, stairs.get("slope", 3.5), stairs.get("guess", 0.0))
+        summary["threshold"] = f"{threshold:.4g}"
+        if not stairs["lowest"] <= threshold <= stairs["highest"]:
+            summary["threshold"] = "not reached: " + (
+                f"below {stairs['lowest']}" if threshold < stairs["lowest"] else f"above {stairs['highest']}")
     return summary
+
+
+def participant_number(text: str) -> int:
+    if not text.isdigit() or not 1 <= int(text) <= 99999:
+        raise argparse.ArgumentTypeError(f"{text}: from 1 to 99999")
+    return int(text)
+
+
+def positive(text: str) -> float:
+    if not 0 < float(text) < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: must be a positive number")
+    return float(text)
 
 
 def main(arguments=None) -> int:
@@ -324,16 +390,17 @@ def main(arguments=None) -> int:
         "A study that was interrupted goes on where it was: give the same command again.",
     )
     parser.add_argument("file", help="the study's file (YAML)")
-    parser.add_argument("--participant", type=int, default=1, help="number of the participant, from 1 (default: 1)")
+    parser.add_argument("--participant", type=participant_number, default=1, help="number of the participant, from 1 (default: 1)")
     parser.add_argument("--out", type=Path, help="folder of the results (default: out/NAME)")
-    parser.add_argument("--observer", type=float, metavar="THRESHOLD",
+    parser.add_argument("--observer", type=positive, metavar="THRESHOLD",
                         help="a simulated observer answers: yes to 63 %% of the trials at this value")
-    parser.add_argument("--observer-slope", type=float, default=3.5, help="of the observer, Weibull (default: 3.5)")
+    parser.add_argument("--observer-slope", type=positive, default=3.5, help="of the observer, Weibull (default: 3.5)")
     parser.add_argument("--no-runs", action="store_true", help="ask only, without running the scene: to try a staircase")
     given = parser.parse_args(arguments)
     try:
         study = Study.load(given.file)
-        out = given.out or Path("out") / str(study.data.get("name", study.file.stem)).replace(" ", "_")
+        name = re.sub(r"[^\w-]", "_", str(study.data.get("name", study.file.stem)))
+        out = given.out or Path("out") / name
         observer = Observer(given.observer, given.observer_slope, given.participant) if given.observer else None
         summary = conduct(study, given.participant, out, observer, not given.no_runs)
     except (StudyError, subworld.SubworldError) as wrong:

@@ -166,6 +166,8 @@ int publish(ReplayRequest request, mcap::Reader& reader, const Attachments& atta
   settings.h_s = h_s;
   settings.set_ratio({recorded.summary.value("ratio", 4), recorded.summary.value("ratio_most", 4)});
   choose_live_port(request.live, request.page);
+  if (!request.network.secure.empty())
+    throw Error(ExitCode::usage, "--secure: a replay sends for all programs, and no role may; publish without it");
   Claim claim;
   request.network.domain = claim_domain(request.domain, claim);
   const auto bus = open_bus(request.network, settings, h_s, "world_sim");

@@ -157,8 +157,7 @@ class UserBridge {
   /// Returns whether the run is over for this user.
   bool pass() {
     while (commands_.take(command_))
-      wrenches_.write(
-          {header_of(command_.stamp_s), to_ros(command_.wrench.force), to_ros(command_.wrench.torque)});
+      wrenches_.write({header_of(command_.stamp_s), to_ros(command_.wrench.force), to_ros(command_.wrench.torque)});
     while (states_.take(state_))
       poses_.write({header_of(command_.stamp_s), to_ros(state_.pose.position, state_.pose.orientation)});
     if (moves_) drive();
@@ -341,6 +340,5 @@ int main_of(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return subworld::finished("subworld ros2",
-                            subworld::guarded("subworld ros2", [&] { return main_of(argc, argv); }));
+  return subworld::finished("subworld ros2", subworld::guarded("subworld ros2", [&] { return main_of(argc, argv); }));
 }

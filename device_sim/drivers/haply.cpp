@@ -76,9 +76,9 @@ class HaplyDriver final : public DeviceDriver {
       throw std::runtime_error((id_.empty() ? "no Inverse3 for this user" : "no Inverse3 with device_id " + id_) +
                                " at the service of " + place() + "; the service knows " + known(inventory));
     id_ = device->value("device_id", "");
-    has_grip_ = grip_of(inventory) != nullptr;
+    has_handle_ = handle_of(inventory) != nullptr;
     take_state(inventory);  // the service sends the next one after a command
-    if (has_grip_) capabilities.degrees_of_freedom = 6;
+    if (has_handle_) capabilities.degrees_of_freedom = 6;
     return capabilities;
   }
 
@@ -169,9 +169,9 @@ class HaplyDriver final : public DeviceDriver {
     return text.empty() ? "none" : text;
   }
 
-  [[nodiscard]] static const Json* grip_of(const Json& message) {
-    const Json* const grip = find_device(message, "wireless_verse_grip", "");
-    return grip != nullptr ? grip : find_device(message, "verse_grip", "");
+  [[nodiscard]] static const Json* handle_of(const Json& message) {
+    const Json* const handle = find_device(message, "wireless_verse_grip", "");
+    return handle != nullptr ? handle : find_device(message, "verse_grip", "");
   }
 
   /// What is not a complete state of this device is no reading: device_sim notices its absence.
@@ -202,15 +202,15 @@ class HaplyDriver final : public DeviceDriver {
                        .orientation = reading_.orientation,
                        .linear_velocity_m_s = *velocity,
                        .buttons = reading_.buttons};
-    if (has_grip_) take_grip(message, next);
+    if (has_handle_) take_handle(message, next);
     reading_ = next;
     fresh_ = true;
   }
 
-  static void take_grip(const Json& message, DriverReading& reading) {
-    const Json* const grip = grip_of(message);
-    const auto state = grip != nullptr ? grip->find("state") : Json::const_iterator{};
-    if (grip == nullptr || state == grip->end()) return;
+  static void take_handle(const Json& message, DriverReading& reading) {
+    const Json* const handle = handle_of(message);
+    const auto state = handle != nullptr ? handle->find("state") : Json::const_iterator{};
+    if (handle == nullptr || state == handle->end()) return;
     if (auto q = numbers(*state, "orientation", kQuaternion)) {
       const double length = std::hypot(std::hypot((*q)[0], (*q)[1]), std::hypot((*q)[2], (*q)[3]));
       constexpr double kTolerance = 0.05;
@@ -280,7 +280,7 @@ class HaplyDriver final : public DeviceDriver {
   int port_ = 0;
   Json inventory_;
   DriverReading reading_;
-  bool connected_ = false, named_ = false, has_grip_ = false, is_open_ = false, has_received_ = false, fresh_ = false;
+  bool connected_ = false, named_ = false, has_handle_ = false, is_open_ = false, has_received_ = false, fresh_ = false;
 };
 
 constexpr DriverPlugin kPlugin{

@@ -1,7 +1,7 @@
 /* A program of ROS 2, as far as the network can tell: C types that `idlc` made of ros2.idl, and Cyclone DDS.
 
-   ros2_peer DOMAIN: reads what `subworld ros2` publishes, and presses 5 cm along +x as the device of user 0. After 3 s of
-   forces it prints what it has received. */
+   ros2_peer DOMAIN: reads what `subworld ros2` publishes, and presses 5 cm along +x as the device of user 0. After 3 s
+   of forces it prints what it has received. */
 #include <dds/dds.h>
 #include <math.h>
 #include <stdio.h>
@@ -31,8 +31,8 @@ static dds_qos_t* quality(void) {
 }
 
 static dds_entity_t reader(dds_entity_t me, const dds_topic_descriptor_t* type, const char* topic) {
-  return required(dds_create_reader(me, required(dds_create_topic(me, type, topic, NULL, NULL), topic), quality(), NULL),
-                  topic);
+  return required(
+      dds_create_reader(me, required(dds_create_topic(me, type, topic, NULL, NULL), topic), quality(), NULL), topic);
 }
 
 /* Takes one sample; the caller returns the loan. */
@@ -51,19 +51,18 @@ static void give_back(dds_entity_t to, void* sample) { dds_return_loan(to, &samp
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const dds_entity_t me = required(dds_create_participant((dds_domainid_t)atoi(argv[1]), NULL, NULL), "participant");
-  const dds_entity_t wrenches =
-      reader(me, &geometry_msgs_msg_dds__WrenchStamped__desc, "rt/subworld/user_0/wrench");
+  const dds_entity_t wrenches = reader(me, &geometry_msgs_msg_dds__WrenchStamped__desc, "rt/subworld/user_0/wrench");
   const dds_entity_t poses = reader(me, &geometry_msgs_msg_dds__PoseStamped__desc, "rt/subworld/user_0/pose");
   const dds_entity_t clocks = reader(me, &rosgraph_msgs_msg_dds__Clock__desc, "rt/clock");
   const dds_entity_t transforms = reader(me, &tf2_msgs_msg_dds__TFMessage__desc, "rt/tf");
   const dds_entity_t markers = reader(me, &visualization_msgs_msg_dds__MarkerArray__desc, "rt/subworld/markers");
-  const dds_entity_t moves = required(
-      dds_create_writer(me,
-                        required(dds_create_topic(me, &geometry_msgs_msg_dds__PoseStamped__desc,
-                                                  "rt/subworld/user_0/command_pose", NULL, NULL),
-                                 "topic"),
-                        quality(), NULL),
-      "writer");
+  const dds_entity_t moves =
+      required(dds_create_writer(me,
+                                 required(dds_create_topic(me, &geometry_msgs_msg_dds__PoseStamped__desc,
+                                                           "rt/subworld/user_0/command_pose", NULL, NULL),
+                                          "topic"),
+                                 quality(), NULL),
+               "writer");
   long of_wrench = 0, of_pose = 0, of_clock = 0, of_tf = 0, of_markers = 0, shown = 0;
   double largest_n = 0.0, x_m = 0.0, clock_s = 0.0;
   char frame[64] = "", body[64] = "";
@@ -114,8 +113,10 @@ int main(int argc, char** argv) {
     if (next.tv_nsec >= 1000000000L) next.tv_nsec -= 1000000000L, ++next.tv_sec;
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, NULL);
   }
-  printf("wrenches %ld poses %ld clocks %ld transforms %ld markers %ld shown %ld largest_n %.2f x_m %.3f clock_s %.2f frame %s body %s\n",
-         of_wrench, of_pose, of_clock, of_tf, of_markers, shown, largest_n, x_m, clock_s, frame, body);
+  printf(
+      "wrenches %ld poses %ld clocks %ld transforms %ld markers %ld shown %ld largest_n %.2f x_m %.3f clock_s %.2f "
+      "frame %s body %s\n",
+      of_wrench, of_pose, of_clock, of_tf, of_markers, shown, largest_n, x_m, clock_s, frame, body);
   dds_delete(me);
   return of_wrench >= SECONDS * RATE_HZ ? 0 : 1;
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """A stand-in of the Haply Inverse Service, and the checks of the driver `haply`: haply_service.py FAULT,... SUBWORLD WORDS...
 
-It starts `SUBWORLD WORDS...`, a run of the scene press with this device, and is its Inverse3 and its grip. It presses, applies
+It starts `SUBWORLD WORDS...`, a run of the scene press with this device, and is its Inverse3 and its handle. It presses, applies
 each fault for a while, after which the force must be there again. `all`: all faults.
 """
 
@@ -16,7 +16,7 @@ import websockets
 OTHER = {"device_id": "0BAD", "state": {"cursor_position": {"x": 9, "y": 9, "z": 9}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}
 LIMIT_N = 8.0
 # Faults that the driver does not feel; with all others the force must vanish, and return.
-HARMLESS = {"none", "doubled", "huge", "fragmented", "binary", "late", "grip_lost", "grip_wrong"}
+HARMLESS = {"none", "doubled", "huge", "fragmented", "binary", "late", "handle_lost", "handle_wrong"}
 FAULTS = HARMLESS | {
     "silent", "nan", "infinite", "text", "no_state", "truncated", "closed", "aborted", "restarted", "gone", "other_device",
 }
@@ -44,8 +44,8 @@ class Service:
         position = {"x": self.x, "y": 0.0, "z": 0.0}
         inverse3 = {"device_id": "049D", "state": {"cursor_position": position,
                                                    "cursor_velocity": {"x": self.speed, "y": 0.0, "z": 0.0}}}
-        grip = {"device_id": "61F1", "state": {"orientation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, "buttons": self.buttons}}
-        message = {"session_id": 7, "inverse3": [inverse3], "wireless_verse_grip": [grip]}
+        handle = {"device_id": "61F1", "state": {"orientation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, "buttons": self.buttons}}
+        message = {"session_id": 7, "inverse3": [inverse3], "wireless_verse_grip": [handle]}
         fault = self.fault
         if fault == "nan":
             position["x"] = math.nan
@@ -61,10 +61,10 @@ class Service:
             message["inverse3"] = [OTHER]
         if fault == "huge":
             message["padding"] = "x" * 20_000
-        if fault == "grip_lost":
+        if fault == "handle_lost":
             message["wireless_verse_grip"] = []
-        if fault == "grip_wrong":
-            grip["state"] = {"orientation": {"w": 0, "x": "?", "y": 0, "z": 0}, "buttons": [1]}
+        if fault == "handle_wrong":
+            handle["state"] = {"orientation": {"w": 0, "x": "?", "y": 0, "z": 0}, "buttons": [1]}
         text = json.dumps(message)
         return text[: len(text) // 2] if fault == "truncated" else text
 

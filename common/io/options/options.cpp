@@ -83,6 +83,9 @@ std::string flag_of(const Options& o, std::string_view key) {
   return named != o.named.end() && named->second ? std::string(setting->option) : "";
 }
 
+/// Where a variable of the shell is not set, a run must not start without security.
+std::string folder_fault(const std::string& text) { return text.empty() ? "names no folder" : ""; }
+
 void add_set_option(CommandLine& line, std::vector<std::string>& set) {
   line.add("--set", &set,
            "KEY=VALUE: any setting by its key in the scene file, as in deadband=0.1, users.box_half_m=0.3 or, for one "
@@ -114,7 +117,8 @@ void add_run_options(CommandLine& line, Options& o) {
   add("--qos", &o.network.qos_file, "the DDS vendor's settings file")
       .otherwise("the vendor's environment variable, else qos/VENDOR.xml beside the programs");
   add("--secure", &o.network.secure,
-      "folder of `subworld keys make`: the programs prove their roles to each other, and hear nobody else")
+      "folder of `subworld keys make`: the programs prove their roles to each other, and hear no other program")
+      .check(folder_fault)
       .otherwise("no security");
   add("--wait", &o.wait_s, "longest wait for the other programs").range(0.1, 3600.0, "s");
 }
@@ -255,7 +259,7 @@ void add_network(CommandLine& line, Network& network) {
       .otherwise("loopback, which reaches this host only");
   line.add("--peers", &network.peers, "other hosts of the run: IPv4 addresses or names, separated by commas")
       .otherwise("this host");
-  line.add("--secure", &network.secure, "the run's folder of keys").otherwise("no security");
+  line.add("--secure", &network.secure, "the run's folder of keys").check(folder_fault).otherwise("no security");
 }
 
 int guarded(const char* program, const std::function<int()>& body) noexcept {

@@ -60,8 +60,8 @@ class CycloneBackend final : public Backend {
       const LogCapture log;
       participant_ = dds_create_participant(id_, qos.get(), nullptr);
       if (participant_ < 0)
-        fail(fmt::format("no participant: {}{}", log.text().empty() ? dds_strretcode(participant_) : log.text(),
-                         opening.keys ? kKeysCure : ""));
+        fail(fmt::format("no participant: {}{}", opening.keys ? kKeysCure : "",
+                         log.text().empty() ? dds_strretcode(participant_) : log.text()));
       peers_.open(participant_);
     } catch (...) {
       close();

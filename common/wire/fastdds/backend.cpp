@@ -57,8 +57,8 @@ class FastBackend final : public Backend {
     lower_repeating_thread(newest);
     if (participant_ == nullptr) {
       fail(fmt::format(
-          "no participant in domain {} ({}): its ports are in use or its settings do not fit; choose another "
-          "--domain or look for programs that still run{}",
+          "no participant in domain {} ({}): {}its ports are in use or its settings do not fit; choose another "
+          "--domain or look for programs that still run",
           opening.domain, route_, opening.keys ? kKeysCure : ""));
     }
     participant_->register_content_filter_factory(KeyFilters::kName, &filters_);

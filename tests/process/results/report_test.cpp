@@ -221,7 +221,8 @@ TEST_P(PythonModules, Work) {
   EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
 }
 
-INSTANTIATE_TEST_SUITE_P(Checks, PythonModules, ::testing::Values("staircases", "orders", "study", "module", "page"),
+INSTANTIATE_TEST_SUITE_P(Checks, PythonModules,
+                         ::testing::Values("staircases", "orders", "study", "module", "page", "mistakes"),
                          [](const auto& one) { return std::string(one.param); });
 
 TEST_F(PythonResults, OfALabAreItsTables) {

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import subworld
 import subworld_study
+import yaml
 
 
 def expect(condition, text):
@@ -77,6 +78,36 @@ def study(folder):
     expect(all(",ok," in line for line in lines[1:]), "a trial has no verdict")
 
 
+def mistakes(folder):
+    """Study files that are wrong say so, before anything runs."""
+    right = yaml.safe_load(STUDY)
+    stairs = {"parameter": "h_s", "start": 2, "lowest": 1, "highest": 4, "question": "hard"}
+    for change, says in [
+        ({"trials": "x"}, "trials"), ({"set": [1]}, "set"), ({"flags": {"out": "x"}}, "flags.out"),
+        ({"questions": [{"name": "verdict", "text": "?", "from": 1, "to": 2}]}, "verdict"),
+        ({"questions": [{"name": "a", "text": "?", "from": 1}]}, "from and to"),
+        ({"questions": [{"name": "a", "text": "?", "answers": [False, True]}]}, "quotes"),
+        ({"conditions": None}, "either conditions"), ({"order": "x"}, "latin_square"), ({"sene": 1}, "unknown key"),
+        ({"staircase": stairs}, "either conditions"), ({"staircase": {**stairs, "step": 1}}, "either conditions"),
+    ]:
+        data = {**right, **change}
+        if data.get("conditions") is None:
+            del data["conditions"]
+        file = folder / "wrong.yaml"
+        file.write_text(yaml.safe_dump(data))
+        try:
+            subworld_study.Study.load(file)
+            expect(False, f"{change} is accepted")
+        except subworld_study.StudyError as wrong:
+            expect(says in str(wrong), f"{change}: {wrong}")
+    file.write_text("scene: press\nconditions: {a: {}, a: {}}\n")
+    try:
+        subworld_study.Study.load(file)
+        expect(False, "a condition may be there twice")
+    except subworld_study.StudyError as wrong:
+        expect("twice" in str(wrong), str(wrong))
+
+
 def module(folder):
     lines = []
     table = subworld.sweep("press", {"scheme": ["paper", "reduced"]}, out=folder / "sweep", mode="lockstep",
@@ -96,8 +127,6 @@ def module(folder):
     expect(built.ok and len(built.tables.users[0]) > 50, built.verdict)
 
     with subworld.start("press", folder / "live", mode="lockstep", duration=600, dds="cyclonedds") as live:
-        while "results in" not in live.log:
-            time.sleep(0.01)
         expect("paused" in live.control("pause"), live.log)
         expect("resumed" in live.control("resume"), live.log)
     try:
@@ -118,4 +147,4 @@ def page(folder):
 
 
 if __name__ == "__main__":
-    {"staircases": staircases, "orders": orders, "study": study, "module": module, "page": page}[sys.argv[1]](Path(sys.argv[2]))
+    {"staircases": staircases, "orders": orders, "study": study, "module": module, "page": page, "mistakes": mistakes}[sys.argv[1]](Path(sys.argv[2]))

@@ -127,7 +127,7 @@ const std::vector<Fault>& faults() {
        [](Facts& f) {
          f.request.network.secure = "keys", f.network.key_faults = {"world_sim: certificate.pem has expired"};
        },
-       "subworld keys make keys"},
+       "subworld keys make 'keys_new' --users 1"},
       {"joining", [](Facts& f) { f.domain.fault = "ports in use"; }, "--domain 100"},
       {"joining", [](Facts& f) { f.domain.fault = "QoS file no.xml: none", f.request.network.qos_file = "no.xml"; },
        "subworld doctor --domain 70 --interface eth0 --peers hostb"},
