@@ -15,6 +15,7 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <deque>
@@ -214,7 +215,8 @@ class WorldBridge {
       if (index(body.id) < scene.initial.size()) states_[index(body.id)] = scene.initial[index(body.id)];
   }
 
-  void pass() {
+  /// Returns whether the world has been heard.
+  bool pass() {
     constexpr double kMarkersEvery_s = 0.1;
     while (snapshots_.take(snapshot_)) {
       const double now_s = snapshot_.stamp_s;
@@ -231,6 +233,7 @@ class WorldBridge {
       marked_s_ = now_s;
       markers_.write(marks(now_s));
     }
+    return !snapshot_.moved.empty() || snapshot_.sequence > 0;
   }
 
  private:
@@ -307,8 +310,14 @@ void bridge(const Request& request) {
   std::fflush(stdout);
   watch_stop_signals(kLongestEnd_s);
   constexpr std::chrono::microseconds kLook{500};
+  const auto until = SteadyClock::now() + std::chrono::duration<double>(request.options.wait_s);
   for (bool over = false; !over && stop_signal() == 0;) {
-    world.pass();
+    if (!world.pass() && SteadyClock::now() > until)
+      throw Error(
+          ExitCode::middleware,
+          fmt::format("no world on domain {} within {} s; give --domain, --dds and, where it has keys, --secure "
+                      "as the run has them",
+                      request.options.network.domain, request.options.wait_s));
     over = true;
     for (UserBridge& user : users) over &= user.pass();
     std::this_thread::sleep_for(kLook);
@@ -324,6 +333,10 @@ int main_of(int argc, char** argv) {
   add_domain(line, request.options.network.domain);
   line.add("--ros-domain", &request.ros_domain, "domain of ROS 2: its ROS_DOMAIN_ID").range(0, 232);
   line.add("--drive", &driven, "users whose device `udp` follows subworld/user_U/command_pose, separated by commas")
+      .check([](const std::string& text) {
+        const bool number = !text.empty() && text.find_first_not_of("0123456789,") == std::string::npos;
+        return number ? std::string() : "must be numbers of users, as in 0,1";
+      })
       .otherwise("none");
   line.add("--port", &request.first_port, "UDP port of the device `udp` of user 0; the next users have the next ones")
       .range(1024, 65472);
