@@ -64,7 +64,7 @@ int main(int argc, char** argv) {
                                  quality(), NULL),
                "writer");
   long of_wrench = 0, of_pose = 0, of_clock = 0, of_tf = 0, of_markers = 0, shown = 0;
-  double largest_n = 0.0, x_m = 0.0, clock_s = 0.0;
+  double least_n = 0.0, x_m = 0.0, clock_s = 0.0;
   char frame[64] = "", body[64] = "";
   geometry_msgs_msg_dds__PoseStamped_ move;
   memset(&move, 0, sizeof move);
@@ -77,7 +77,7 @@ int main(int argc, char** argv) {
     while ((sample = taken(wrenches)) != NULL) {
       const geometry_msgs_msg_dds__WrenchStamped_* wrench = sample;
       ++of_wrench;
-      largest_n = fmax(largest_n, fabs(wrench->wrench.force.x));
+      least_n = fmin(least_n, wrench->wrench.force.x);
       snprintf(frame, sizeof frame, "%s", wrench->header.frame_id);
       give_back(wrenches, sample);
     }
@@ -114,9 +114,9 @@ int main(int argc, char** argv) {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, NULL);
   }
   printf(
-      "wrenches %ld poses %ld clocks %ld transforms %ld markers %ld shown %ld largest_n %.2f x_m %.3f clock_s %.2f "
+      "wrenches %ld poses %ld clocks %ld transforms %ld markers %ld shown %ld least_n %.2f x_m %.3f clock_s %.2f "
       "frame %s body %s\n",
-      of_wrench, of_pose, of_clock, of_tf, of_markers, shown, largest_n, x_m, clock_s, frame, body);
+      of_wrench, of_pose, of_clock, of_tf, of_markers, shown, least_n, x_m, clock_s, frame, body);
   dds_delete(me);
   return of_wrench >= SECONDS * RATE_HZ ? 0 : 1;
 }

@@ -19,6 +19,8 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <mutex>
+#include <set>
 
 namespace subworld::wire::fast {
 namespace {
@@ -51,9 +53,12 @@ class FastBackend final : public Backend {
 
     factory_ = dds::DomainParticipantFactory::get_shared_instance();
     const pid_t newest = newest_thread();
+    const std::lock_guard lock(numbers_mutex);
+    const dds::DomainParticipantQos qos = participant_qos(*factory_, opening, route_, numbers);
+    number_ = qos.wire_protocol().participant_id;
+    numbers.insert(number_);  // the library keeps that of a participant which does not start
     participant_ =
-        factory_->create_participant(static_cast<std::uint32_t>(opening.domain),
-                                     participant_qos(*factory_, opening, route_), &peers_, dds::StatusMask::none());
+        factory_->create_participant(static_cast<std::uint32_t>(opening.domain), qos, &peers_, dds::StatusMask::none());
     lower_repeating_thread(newest);
     if (participant_ == nullptr) {
       fail(fmt::format(
@@ -67,6 +72,8 @@ class FastBackend final : public Backend {
   ~FastBackend() override {
     participant_->delete_contained_entities();
     factory_->delete_participant(participant_);
+    const std::lock_guard lock(numbers_mutex);
+    numbers.erase(number_);
   }
 
   std::unique_ptr<BackendWriter> create_writer(const EndpointSpec& spec) override {
@@ -118,7 +125,11 @@ class FastBackend final : public Backend {
     return require(made, fmt::format("filter of {}", spec.name));
   }
 
+  static inline std::mutex numbers_mutex;
+  static inline std::set<int> numbers;  ///< of the participants of this process
+
   EventSink& events_;
+  int number_ = -1;
   FastPeers peers_;
   KeyFilters filters_;
   std::map<std::string, dds::ContentFilteredTopic*> filtered_;

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <set>
 #include <vector>
 
 namespace subworld::wire::fast {
@@ -109,14 +110,15 @@ bool port_is_free(const std::string& interface_address, int port) {
 }
 
 /// The library numbers the participants of a process in ascending order, until their ports are outside the range that
-/// peers try. This function returns the lowest number whose ports are free. If another process takes it first, the
-/// library itself moves on.
-int free_participant_index(const std::string& interface_address, int domain, int participants) {
+/// peers try. This function returns the lowest number whose ports are free and that no participant of this process has,
+/// also in another domain: the library refuses it. If another process takes it first, the library itself moves on.
+int free_participant_index(const std::string& interface_address, int domain, int participants,
+                           const std::set<int>& own_numbers) {
   const rtps::PortParameters ports;
   const int first = ports.portBase + ports.domainIDGain * domain;
   for (int index = 0; index < participants; ++index) {
     const int own = first + ports.participantIDGain * index;
-    if (port_is_free(interface_address, own + ports.offsetd1) &&
+    if (!own_numbers.contains(index) && port_is_free(interface_address, own + ports.offsetd1) &&
         port_is_free(interface_address, own + ports.offsetd3)) {
       return index;
     }
@@ -130,7 +132,7 @@ int free_participant_index(const std::string& interface_address, int domain, int
 }  // namespace
 
 dds::DomainParticipantQos participant_qos(dds::DomainParticipantFactory& factory, const Opening& opening,
-                                          std::string& route_text) {
+                                          std::string& route_text, const std::set<int>& own_numbers) {
   dds::DomainParticipantQos qos;
   load_settings(factory, opening, qos);
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
@@ -145,7 +147,8 @@ dds::DomainParticipantQos participant_qos(dds::DomainParticipantFactory& factory
                     !qos.wire_protocol().builtin.initialPeersList.empty());
   if (!route.address.empty()) {
     use_interface(qos, route.address, opening);
-    qos.wire_protocol().participant_id = free_participant_index(route.address, opening.domain, opening.participants);
+    qos.wire_protocol().participant_id =
+        free_participant_index(route.address, opening.domain, opening.participants, own_numbers);
   }
   if (route.peers) use_peers(qos, *route.peers);
   if (opening.keys) use_keys(qos, *opening.keys);
