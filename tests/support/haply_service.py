@@ -13,7 +13,7 @@ import sys
 
 import websockets
 
-OTHER = {"device_id": "0BAD", "state": {"cursor_position": {"x": 9, "y": 9, "z": 9}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}
+OTHER = {"device_id": "0BAD", "state": {"cursor_position": {"x": 0.05, "y": 0, "z": 0}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}
 LIMIT_N = 8.0
 # Faults that the driver does not feel; with all others the force must vanish, and return.
 HARMLESS = {"none", "doubled", "huge", "fragmented", "binary", "late", "handle_lost", "handle_wrong"}
