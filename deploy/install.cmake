@@ -44,12 +44,37 @@ install(CODE "set(bin [[${CMAKE_RUNTIME_OUTPUT_DIRECTORY}]])
               set(further ${further} ${labs})" COMPONENT documentation)
 install(SCRIPT ${CMAKE_CURRENT_LIST_DIR}/manual.cmake COMPONENT documentation)
 
+# The reference of the libraries, of the comments in their headers: `deploy/build api`.
+find_package(Doxygen QUIET)
+if(DOXYGEN_FOUND)
+  set(DOXYGEN_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/api)
+  set(DOXYGEN_PROJECT_BRIEF "distributed simulation of rigid bodies that users feel")
+  set(DOXYGEN_STRIP_FROM_PATH common tests deploy .)
+  set(DOXYGEN_STRIP_FROM_INC_PATH common tests .)
+  set(DOXYGEN_MACRO_EXPANSION YES)
+  set(DOXYGEN_EXTRACT_ALL YES)
+  set(DOXYGEN_HIDE_FRIEND_COMPOUNDS YES)
+  set(DOXYGEN_SORT_MEMBER_DOCS NO)
+  set(DOXYGEN_HAVE_DOT NO)
+  set(DOXYGEN_VERBATIM_HEADERS NO)
+  set(DOXYGEN_FILE_PATTERNS *.hpp)
+  set(DOXYGEN_USE_MDFILE_AS_MAINPAGE deploy/examples/README.md)
+  set(DOXYGEN_WARN_AS_ERROR FAIL_ON_WARNINGS)
+  set(DOXYGEN_QUIET YES)
+  file(GLOB DOXYGEN_HTML_EXTRA_FILES CONFIGURE_DEPENDS deploy/examples/*.?pp)
+  doxygen_add_docs(api deploy/examples/README.md common world_sim haptic_sim device_sim tests/lab/session
+                   COMMENT "the reference of the libraries")
+  install(DIRECTORY ${CMAKE_BINARY_DIR}/api/html/ DESTINATION share/doc/subworld/api COMPONENT development OPTIONAL)
+endif()
+
 # For programs that simulate in their own process: find_package(Subworld), then Subworld::world and so on.
 set(libraries model plugin physics coupling wire rt io program)
 foreach(library ${libraries})
   set_target_properties(subworld_${library} PROPERTIES EXPORT_NAME ${library})
 endforeach()
 list(TRANSFORM libraries PREPEND subworld_)
+set_target_properties(subworld_lab_session PROPERTIES EXPORT_NAME lab)
+list(APPEND libraries subworld_lab_session)
 foreach(name world haptic device)
   set_target_properties(${name}_sim_core PROPERTIES EXPORT_NAME ${name})
   list(APPEND libraries ${name}_sim_core)
@@ -59,9 +84,11 @@ install(TARGETS ${libraries} EXPORT SubworldTargets ARCHIVE DESTINATION lib/subw
 install(EXPORT SubworldTargets NAMESPACE Subworld:: DESTINATION lib/cmake/Subworld COMPONENT development)
 install(DIRECTORY common/ world_sim haptic_sim device_sim DESTINATION include/subworld COMPONENT development
         FILES_MATCHING PATTERN *.hpp)
+install(DIRECTORY tests/lab/session DESTINATION include/subworld/lab COMPONENT development FILES_MATCHING PATTERN *.hpp)
 include(CMakePackageConfigHelpers)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/SubworldConfigVersion.cmake COMPATIBILITY ExactVersion)
-install(FILES deploy/SubworldConfig.cmake ${CMAKE_BINARY_DIR}/SubworldConfigVersion.cmake
+install(FILES deploy/SubworldConfig.cmake deploy/installed_programs.cpp
+              ${CMAKE_BINARY_DIR}/SubworldConfigVersion.cmake
         DESTINATION lib/cmake/Subworld COMPONENT development)
 install(DIRECTORY deploy/examples DESTINATION share/doc/subworld COMPONENT development)
 

@@ -2,9 +2,12 @@
 
 #include "wire/backend.hpp"
 #include "wire/bus.hpp"
+#include "wire/codec/codec.hpp"
 
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace subworld {
 
@@ -21,6 +24,26 @@ class Observer {
   /// newest samples, in both modes.
   [[nodiscard]] static std::unique_ptr<wire::BackendWriter> counterpart(const Bus& bus, std::size_t topic,
                                                                         const std::string& partition);
+};
+
+/// Reads a topic as `Observer::reader` does, decoded.
+template <class M>
+class Watched {
+ public:
+  Watched(const Bus& bus, const std::string& partition)
+      : reader_(Observer::reader(bus, kTopicIndex<M>, partition)), codec_(make_codec(kTopicIndex<M>)) {}
+  /// The oldest sample not yet taken. False, and `message` unchanged, if there is none. Does not block.
+  bool take(M& message) {
+    std::uint64_t writer = 0;
+    while (reader_->take(bytes_, writer))
+      if (codec_->decode(bytes_, &message) == Decoded::sample) return true;
+    return false;
+  }
+
+ private:
+  std::unique_ptr<wire::BackendReader> reader_;
+  std::unique_ptr<AnyCodec> codec_;
+  std::vector<std::uint8_t> bytes_;
 };
 
 }  // namespace subworld

@@ -8,7 +8,6 @@
 
 #include <fmt/core.h>
 #include <algorithm>
-#include <cstdlib>
 
 using namespace subworld;
 
@@ -49,7 +48,6 @@ static void simulate(const Scene& scene) {
 
 int main(int argc, char** argv) try {
   if (argc != 2) throw Error(ExitCode::usage, "usage: in_process SCENE.yaml");
-  setenv("SUBWORLD_ENGINES", SUBWORLD_PLUGINS, 0);
   Scene scene = load_scene(argv[1]);
   keep_users(scene, 1);
   scene.settings.disable(disabled(Optimisation::suppression));  // each cycle has a report and a frame

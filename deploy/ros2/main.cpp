@@ -115,25 +115,6 @@ class Ros {
   std::unique_ptr<wire::Backend> backend_;
 };
 
-/// Reads a topic of the run without taking part in it.
-template <class M>
-class Watched {
- public:
-  Watched(const Bus& bus, const std::string& partition)
-      : reader_(Observer::reader(bus, kTopicIndex<M>, partition)), codec_(make_codec(kTopicIndex<M>)) {}
-  bool take(M& message) {
-    std::uint64_t writer = 0;
-    while (reader_->take(bytes_, writer))
-      if (codec_->decode(bytes_, &message) == Decoded::sample) return true;
-    return false;
-  }
-
- private:
-  std::unique_ptr<wire::BackendReader> reader_;
-  std::unique_ptr<AnyCodec> codec_;
-  std::vector<std::uint8_t> bytes_;
-};
-
 /// A user's force and pose for ROS 2, and the poses of ROS 2 for the user's device `udp`.
 class UserBridge {
  public:

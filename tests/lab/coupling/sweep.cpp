@@ -2,6 +2,7 @@
 
 #include "coupling/schemes/scheme.hpp"
 #include "io/options/options.hpp"
+#include "lab/session/coupled_run.hpp"
 #include "lab/session/variants.hpp"
 #include "model/error.hpp"
 #include "physics/engine.hpp"
@@ -133,16 +134,6 @@ Scene scene_of(const Point& point) {
 }
 
 Scene reference_scene_of(const Point& point) { return in_one_world(loaded(point)); }
-
-Scene in_one_world(Scene scene) {
-  scene.settings.scheme = "direct";
-  scene.settings.set_ratio({1, 1});
-  scene.settings.world.substeps = 1;
-  scene.settings.delay = {};
-  scene.settings.passivity = Passivity::off;
-  scene.settings.deadband = 0.0;
-  return scene;
-}
 
 Scene refined(Scene scene, int factor) {
   scene.settings.h_s /= factor;

@@ -70,8 +70,6 @@ struct Point {
 [[nodiscard]] Scene scene_of(const Point& point);
 /// The reference of the point: the whole scene in one world of the same engine at step h, without delay.
 [[nodiscard]] Scene reference_scene_of(const Point& point);
-/// The whole scene in one world at step h, without delay and without a bound on the energy of the devices.
-[[nodiscard]] Scene in_one_world(Scene scene);
 /// The same at h / `factor`.
 [[nodiscard]] Scene refined(Scene scene, int factor);
 /// Equal for points with the same reference.

@@ -9,6 +9,16 @@
 
 namespace subworld {
 
+Scene in_one_world(Scene scene) {
+  scene.settings.scheme = "direct";
+  scene.settings.set_ratio({1, 1});
+  scene.settings.world.substeps = 1;
+  scene.settings.delay = {};
+  scene.settings.passivity = Passivity::off;
+  scene.settings.deadband = 0.0;
+  return scene;
+}
+
 CoupledRun::CoupledRun(const Scene& scene, const EngineMaker& make)
     : scene_(scene), world(scene_, {}, make), felt(static_cast<std::size_t>(scene_.settings.users)) {
   if (!scene_.settings.presence.empty())

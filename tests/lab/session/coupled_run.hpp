@@ -33,6 +33,10 @@ struct CpuTimes {
   Histogram synchronise;  ///< synchronisation of the sub-world with a frame
 };
 
+/// The reference of a scene: all of it in one world at step h, without delay and without a bound on the energy of the
+/// devices.
+[[nodiscard]] Scene in_one_world(Scene scene);
+
 /// The whole system in lock-step in one process, without a bus: the same ticks in the same order, with the artificial
 /// delays of the settings.
 class CoupledRun {

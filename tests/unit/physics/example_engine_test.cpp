@@ -1,4 +1,4 @@
-// The smallest engine (tests/support/example_engine), loaded like any engine from outside, and the loader's messages
+// The smallest engine (deploy/examples), loaded like any engine from outside, and the loader's messages
 // for invalid files.
 #include "model/error.hpp"
 #include "physics/plugin.hpp"

@@ -1,6 +1,6 @@
 // A scheme from outside: one folder and one row, and every user of schemes finds it.
-#include "support/example_scheme/example_scheme.hpp"
 #include "coupling/plan.hpp"
+#include "examples/half_way.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "model/error.hpp"
 
@@ -22,11 +22,11 @@ Scene row_with(const std::string& scheme) {
 
 class ExampleScheme : public ::testing::Test {
  protected:
-  static void SetUpTestSuite() { add_scheme(test::kExampleScheme); }
+  static void SetUpTestSuite() { add_scheme(half_way::kScheme); }
 };
 
 TEST_F(ExampleScheme, RunsAndIsFeltAtTheFirstContact) {
-  const Scene scene = row_with("example");
+  const Scene scene = row_with("half_way");
   CoupledRun run(scene);
   ASSERT_TRUE(run.run());
   double most_n = 0.0;
@@ -41,7 +41,7 @@ TEST_F(ExampleScheme, RunsAndIsFeltAtTheFirstContact) {
 }
 
 TEST_F(ExampleScheme, DecidesThePlanByItsProperties) {
-  const Scene scene = row_with("example");
+  const Scene scene = row_with("half_way");
   EXPECT_TRUE(enabled(scene, Optimisation::impulses));
   EXPECT_FALSE(enabled(row_with("paper"), Optimisation::impulses));
 }
@@ -51,7 +51,7 @@ TEST_F(ExampleScheme, IsNamedWhereAnUnknownOneIsAskedFor) {
     (void)scheme_of(row_with("exemple").settings);
     FAIL() << "an unknown scheme was found";
   } catch (const Error& wrong) {
-    EXPECT_NE(std::string(wrong.what()).find("direct, paper, reduced, example"), std::string::npos) << wrong.what();
+    EXPECT_NE(std::string(wrong.what()).find("direct, paper, reduced, half_way"), std::string::npos) << wrong.what();
   }
 }
 
