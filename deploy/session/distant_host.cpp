@@ -89,21 +89,28 @@ DistantHost::DistantHost(const SessionHost& plan, const std::string& folder_here
                          const std::string& session_file)
     : Host(plan, folder_here),
       ssh_(std::move(ssh)),
-      checkout_(plan.folder.empty() ? "subworld" : plan.folder),
       folder_(fmt::format("out/sessions/{}/{}",
                           std::filesystem::absolute(folder_here).parent_path().parent_path().filename().string(),
                           plan.name)) {
-  const std::string world = "build/release/bin/world_sim";
-  const int status = std::system(by_ssh(fmt::format("cd {} && test -x {}", shell_word(checkout_), world)).c_str());
-  if (status == 0) return;
-  if (WIFEXITED(status) && WEXITSTATUS(status) != kSshFailed) {
+  // A checkout, an installation, or an installation of the system. Prints the last folder that was looked at, too.
+  const std::string cd = plan.folder.empty() ? "{ cd subworld 2>/dev/null || :; }" : "cd " + shell_word(plan.folder);
+  const Dialogue there(by_ssh(
+      fmt::format("{{ {} && for p in \"$PWD\"/build/release/bin \"$PWD\"/lib/subworld /usr/local/lib/subworld "
+                  "/usr/lib/subworld; do test -x \"$p\"/world_sim && break; done; }}; echo \"$PWD\"; echo \"$p\"; "
+                  "test -x \"$p\"/world_sim && echo yes || echo no",
+                  cd)));
+  const std::optional<std::string> work = there.answer(), programs = there.answer(), found = there.answer();
+  if (!found)
+    throw Error(ExitCode::failed, fmt::format("host {}: no connection to {}; this must work without a question: {}",
+                                              plan.name, plan.ssh, by_ssh("true")));
+  if (*found != "yes")
     throw Error(ExitCode::failed,
-                fmt::format("host {}: {} has no {} in the folder \"{}\"; build there: deploy/build, or name the folder "
-                            "of the checkout: `folder` of the host in {}",
-                            plan.name, plan.ssh, world, checkout_, session_file));
-  }
-  throw Error(ExitCode::failed, fmt::format("host {}: no connection to {}; this must work without a question: {}",
-                                            plan.name, plan.ssh, by_ssh("true")));
+                fmt::format("host {}: {} has no world_sim in the folder \"{}\"; build there: deploy/build, or install "
+                            "the package, or name the folder of the checkout or installation: `folder` of the host in "
+                            "{}",
+                            plan.name, plan.ssh, plan.folder.empty() ? "subworld" : plan.folder, session_file));
+  work_ = *work;
+  programs_ = *programs;
 }
 
 std::string DistantHost::by_ssh(const std::string& command) const {
@@ -129,8 +136,8 @@ HostClock DistantHost::clock() const {
 }
 
 void DistantHost::start_recorder(std::vector<std::string> flags) {
-  std::string text = fmt::format("cd {} && mkdir -p {} && exec build/release/bin/subworld_recorder",
-                                 shell_word(checkout_), shell_word(folder_));
+  std::string text = fmt::format("cd {} && mkdir -p {} && exec {}", shell_word(work_), shell_word(folder_),
+                                 shell_word(programs_ + "/subworld_recorder"));
   flags.insert(flags.end(), {"--record", folder_ + "/" + kRecordingPart});
   for (const std::string& flag : flags) text += " " + shell_word(flag);
   recorder_ = std::make_unique<Dialogue>(by_ssh(text));
@@ -152,12 +159,12 @@ std::string DistantHost::opened_messages(const RunProgram& program) const {
 }
 
 bool DistantHost::has_ended_world() const {
-  const std::string there = fmt::format("test -e {}/{}/world.json", shell_word(checkout_), shell_word(folder_));
+  const std::string there = fmt::format("test -e {}/{}/world.json", shell_word(work_), shell_word(folder_));
   return std::system(by_ssh(there).c_str()) == 0;
 }
 
 Command DistantHost::command(const RunProgram& program, std::vector<std::string> flags, bool again) const {
-  std::string text = fmt::format("cd {} && {}", shell_word(checkout_), opened_messages(program));
+  std::string text = fmt::format("cd {} && {}", shell_word(work_), opened_messages(program));
   const bool world = program.name == "world_sim";
   if (world && again) {
     text += fmt::format("if ls {0}/world_?.checkpoint > /dev/null 2>&1; then set -- --resume {0}; fi && ",
@@ -165,7 +172,7 @@ Command DistantHost::command(const RunProgram& program, std::vector<std::string>
   } else if (world) {
     text += fmt::format("rm -f {}/world.json && ", shell_word(folder_));  // of an earlier run
   }
-  text += "exec build/release/bin/" + program.name;
+  text += "exec " + shell_word(programs_ + "/" + program.name);
   for (const std::string& flag : flags) text += " " + shell_word(flag);
   if (world && again) text += " \"$@\"";
   // With a terminal, the program there gets SIGHUP where this one ends.
@@ -177,7 +184,7 @@ Command DistantHost::command(const RunProgram& program, std::vector<std::string>
 
 void DistantHost::fetch() const {
   if (recorder_) recorder_->end();
-  const std::string there = fmt::format("cd {}/{} && tar c .", shell_word(checkout_), shell_word(folder_));
+  const std::string there = fmt::format("cd {}/{} && tar c .", shell_word(work_), shell_word(folder_));
   const std::string command = fmt::format("{} | tar x -C {}", by_ssh(there), shell_word(folder_here()));
   if (std::system(command.c_str()) != 0)
     fmt::print(stderr, "subworld: warning: no results from host {}; try: {}\n", plan().name, command);

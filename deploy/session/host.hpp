@@ -57,7 +57,7 @@ class Dialogue;
 /// A host of a session that is reached by ssh.
 class DistantHost : public Host {
  public:
-  /// `ssh`: the program. The folder of the results there, below its checkout, has the name of the run's. Throws `Error`
+  /// `ssh`: the program. The folder of the results there, below `folder`, has the name of the run's. Throws `Error`
   /// (failed) where ssh or the programs do not start there.
   DistantHost(const SessionHost& plan, const std::string& folder_here, std::string ssh,
               const std::string& session_file);
@@ -81,7 +81,8 @@ class DistantHost : public Host {
   [[nodiscard]] std::string opened_messages(const RunProgram& program) const;
 
   std::string ssh_;
-  std::string checkout_;
+  std::string work_;      ///< folder there from which programs start
+  std::string programs_;  ///< folder there
   std::string folder_;
   std::unique_ptr<Dialogue> recorder_;
   std::vector<std::string> places_;  ///< process of the recorder, and where the messages of each program are

@@ -24,8 +24,8 @@ struct SessionHost {
   std::string address;            ///< IPv4 address or name, for the other hosts; empty where the launcher gives one
   std::string network_interface;  ///< own interface, by name or address; likewise
   std::string ssh;                ///< destination for ssh; empty: programs start on the machine of `subworld up`
-  std::string folder;             ///< checkout of Subworld on that host; empty: the login folder's `subworld`
-  std::string dds;                ///< vendor of its programs; empty: the session's
+  std::string folder;  ///< checkout or installation there; empty: the login folder's `subworld`, else the system's
+  std::string dds;     ///< vendor of its programs; empty: the session's
   std::vector<RunProgram> programs;
 
   [[nodiscard]] bool runs(const RunProgram& program) const;

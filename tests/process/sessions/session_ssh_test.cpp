@@ -14,7 +14,8 @@ namespace {
 namespace fs = std::filesystem;
 
 TEST_F(SessionsByShell, StartDistantProgramsAndBringTheirResultsBack) {
-  for (const char* user : {"user@10.0.0.2", "user@10.0.0.3"}) make_checkout(home(user) + "/subworld");
+  make_checkout(home("user@10.0.0.2") + "/subworld");
+  make_checkout(home("user@10.0.0.3") + "/subworld", "/lib/subworld");  // an installation
   const Ended ended = finish(up(session(), out(), {"--ssh", ssh()}));
   EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
   EXPECT_EQ(summary()["verdict"], "ok");
@@ -49,13 +50,12 @@ TEST_F(SessionsByShell, NeedAHostThatAnswers) {
   EXPECT_NE(ended.err.find("ConnectTimeout=10 'user@10.0.0.2' 'true'"), std::string::npos) << ended.err;
 }
 
-TEST_F(SessionsByShell, NeedACheckoutThatIsBuilt) {
+TEST_F(SessionsByShell, NeedPrograms) {
   make_checkout(home("user@10.0.0.2") + "/subworld");
   fs::create_directories(home("user@10.0.0.3") + "/subworld");
   const Ended ended = finish(up(session(), out(), {"--ssh", ssh()}));
   EXPECT_EQ(ended.code, 1) << ended.err;
-  EXPECT_NE(ended.err.find("host right: user@10.0.0.3 has no build/release/bin/world_sim in the folder \"subworld\""),
-            std::string::npos)
+  EXPECT_NE(ended.err.find("host right: user@10.0.0.3 has no world_sim in the folder \"subworld\""), std::string::npos)
       << ended.err;
 }
 

@@ -28,9 +28,10 @@ class Sessions : public ProcessTest {
     return folder_.write("session.yaml", text);
   }
   /// A checkout of Subworld whose programs are those under test.
-  static void make_checkout(const std::string& folder) {
-    std::filesystem::create_directories(folder + "/build/release");
-    std::filesystem::create_directory_symlink(PROGRAMS_FOLDER, folder + "/build/release/bin");
+  static void make_checkout(const std::string& folder, const std::string& programs = "/build/release/bin") {
+    const std::filesystem::path place = folder + programs;
+    std::filesystem::create_directories(place.parent_path());
+    std::filesystem::create_directory_symlink(PROGRAMS_FOLDER, place);
   }
   [[nodiscard]] std::string write_script(const std::string& name, const std::string& commands) const {
     std::string file = folder_.write(name, "#!/bin/sh\n" + commands + "\n");
