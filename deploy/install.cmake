@@ -17,6 +17,7 @@ foreach(program ${subworld_programs})
   install(FILES ${CMAKE_BINARY_DIR}/links/${program} DESTINATION bin COMPONENT programs)
 endforeach()
 install(DIRECTORY deploy/qos DESTINATION lib/subworld COMPONENT programs)
+install(FILES deploy/systemd/subworld-session@.service DESTINATION lib/systemd/system COMPONENT programs)
 
 install(DIRECTORY deploy/scenes deploy/sessions DESTINATION share/subworld COMPONENT data
         PATTERN .subworld EXCLUDE PATTERN *.md EXCLUDE)
