@@ -22,7 +22,8 @@ install(FILES deploy/systemd/subworld-session@.service DESTINATION lib/systemd/s
 install(DIRECTORY deploy/scenes deploy/sessions DESTINATION share/subworld COMPONENT data
         PATTERN .subworld EXCLUDE PATTERN *.md EXCLUDE)
 install(FILES idl/subworld.idl deploy/results/subworld_results.py DESTINATION share/subworld COMPONENT data)
-install(FILES deploy/python/subworld.py deploy/python/subworld_study.py deploy/results/subworld_results.py
+install(FILES deploy/python/subworld.py deploy/python/subworld_study.py deploy/python/subworld_study_page.py
+              deploy/results/subworld_results.py
         DESTINATION lib/python3/dist-packages COMPONENT programs)
 install(PROGRAMS deploy/python/study DESTINATION lib/subworld RENAME subworld_study COMPONENT programs)
 

@@ -13,12 +13,14 @@ import re
 import shutil
 import sys
 import time
+import webbrowser
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import yaml
 
 import subworld
+from subworld_study_page import Page
 
 
 class StudyError(ValueError):
@@ -280,25 +282,44 @@ class Table:
             os.fsync(out.fileno())
 
 
-def ask(question: dict) -> str:
-    """Asks a person on the terminal, until the answer is one of those there are."""
-    answers = question.get("answers")
-    choices = [str(i + 1) for i in range(len(answers))] if answers else None
-    hint = ", ".join(f"{i + 1} = {one}" for i, one in enumerate(answers)) if answers else (
-        f"{question['from']} to {question['to']}")
-    while True:
-        text = input(f"{question['text']} ({hint}): ").strip()
-        if answers and text in choices:
-            return str(answers[int(text) - 1])
-        if answers and text in map(str, answers):
-            return text
-        if not answers and text.isdigit() and question["from"] <= int(text) <= question["to"]:
-            return text
-        print("Please give one of these.")
+class Terminal:
+    """The person of a study at the terminal."""
+
+    def confirm(self, text: str):
+        input(f"{text} Press Enter to go on.")
+
+    def begin(self, number: int, count: int, opens: bool):
+        pass
+
+    def watch(self, run: subworld.Run):
+        pass
+
+    def ask(self, question: dict) -> str:
+        """Asks until the answer is one of those there are."""
+        answers = question.get("answers")
+        choices = [str(i + 1) for i in range(len(answers))] if answers else None
+        hint = ", ".join(f"{i + 1} = {one}" for i, one in enumerate(answers)) if answers else (
+            f"{question['from']} to {question['to']}")
+        while True:
+            text = input(f"{question['text']} ({hint}): ").strip()
+            if answers and text in choices:
+                return str(answers[int(text) - 1])
+            if answers and text in map(str, answers):
+                return text
+            if not answers and text.isdigit() and question["from"] <= int(text) <= question["to"]:
+                return text
+            print("Please give one of these.")
+
+    def over(self):
+        pass
 
 
-def conduct(study: Study, participant: int, out: Path, observer: Observer = None, runs: bool = True) -> dict:
-    """Goes on with a participant's trials in a folder, from the first one that its table does not have."""
+def conduct(study: Study, participant: int, out: Path, observer: Observer = None, runs: bool = True,
+            person=Terminal()) -> dict:
+    """Goes on with a participant's trials in a folder, from the first one that its table does not have.
+
+    `person` answers, a Terminal or a Page, unless there is an `observer`.
+    """
     out.mkdir(parents=True, exist_ok=True)
     names = [question["name"] for question in study.questions]
     table = Table(out / f"trials_{participant}.csv", COLUMNS + names)
@@ -318,9 +339,10 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
         if stairs:
             note(float(row["value"]), row[stairs["question"]])
     plan = study.plan(participant)
-    person = observer is None
+    if observer:
+        person = None
     if person and not table.rows and study.data.get("instructions"):
-        print(study.data["instructions"])
+        person.confirm(study.data["instructions"])
     for trial in plan[len(table.rows) :]:
         value = rule.value if rule else ""
         changes = {**(study.data.get("set") or {}), **trial.set, **({stairs["parameter"]: value} if stairs else {})}
@@ -328,26 +350,31 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
             observer = Observer(observer._threshold, observer._slope, trial.number + 1000 * participant)
         before = plan[trial.number - 1].block if trial.number else trial.block
         if person and trial.block != before and study.data.get("pause", True):
-            input(f"Block {before + 1} is over. Press Enter to go on.")
+            person.confirm(f"Block {before + 1} is over.")
         folder = out / f"participant_{participant}" / f"trial_{trial.number:03d}"
         row = {"study": study.data.get("name", study.file.stem), "participant": participant, "trial": trial.number}
         row |= {"block": trial.block, "condition": trial.condition, "value": value, "set": json.dumps(changes)}
         row["observer"] = answering
         row["started"] = time.strftime("%Y-%m-%dT%H:%M:%S")
+        if person and runs:
+            person.begin(trial.number, len(plan), bool((study.data.get("flags") or {}).get("page")))
         if runs:
             shutil.rmtree(folder, ignore_errors=True)  # of a trial that did not end
             flags = dict(study.data.get("flags") or {})
             if study.data.get("record"):
                 folder.parent.mkdir(parents=True, exist_ok=True)
                 flags["record"] = row["recording"] = f"{folder}.mcap"
-            result = subworld.run(study.data["scene"], folder, set=changes, **flags)
+            with subworld.start(study.data["scene"], folder, set=changes, **flags) as run:
+                if person:
+                    person.watch(run)
+                result = run.wait()
             users = result.summary.get("haptic", [])
             row |= {"folder": str(folder), "verdict": result.verdict, "state_hash": result.summary["state_hash"]}
             row["force_rms_n"] = " ".join(f"{user['force_rms_n']:.6g}" for user in users)
         begun = time.monotonic()
         for question in study.questions:
             if person:
-                row[question["name"]] = ask(question)
+                row[question["name"]] = person.ask(question)
             elif stairs and question["name"] == stairs["question"]:
                 row[question["name"]] = question["answers"][1 if observer.says_yes(value) else 0]
             else:
@@ -359,6 +386,8 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
         # A person must not learn it.
         condition = "" if person else f" {trial.condition} {value}"
         print(f"[{trial.number + 1}/{len(plan)}]{condition}", file=sys.stderr)
+    if person:
+        person.over()
     summary = {"trials": len(table.rows), "table": str(out / f"trials_{participant}.csv")}
     if stairs and answers:
         threshold = fitted_threshold(answers, stairs.get("slope", 3.5), stairs.get("guess", 0.0))
@@ -381,6 +410,19 @@ def positive(text: str) -> float:
     return float(text)
 
 
+def page_of(port: int) -> Page:
+    try:
+        page = Page(port)
+    except (OSError, OverflowError) as wrong:
+        raise StudyError(f"--page {port}: {wrong}; choose another port, or none: a free one is taken") from wrong
+    print(f"subworld study: page: {page.address}", flush=True)
+    if any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
+        webbrowser.open(page.address)
+        for name in ("DISPLAY", "WAYLAND_DISPLAY"):  # each run would open its page in a further tab
+            os.environ.pop(name, None)
+    return page
+
+
 def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(
         "subworld study", formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -392,6 +434,8 @@ def main(arguments=None) -> int:
     parser.add_argument("file", help="the study's file (YAML)")
     parser.add_argument("--participant", type=participant_number, default=1, help="number of the participant, from 1 (default: 1)")
     parser.add_argument("--out", type=Path, help="folder of the results (default: out/NAME)")
+    parser.add_argument("--page", type=int, nargs="?", const=0, metavar="PORT",
+                        help="the person reads and answers in a browser on this machine (default: a free port)")
     parser.add_argument("--observer", type=positive, metavar="THRESHOLD",
                         help="a simulated observer answers: yes to 63 %% of the trials at this value")
     parser.add_argument("--observer-slope", type=positive, default=3.5, help="of the observer, Weibull (default: 3.5)")
@@ -402,7 +446,10 @@ def main(arguments=None) -> int:
         name = re.sub(r"[^\w-]", "_", str(study.data.get("name", study.file.stem)))
         out = given.out or Path("out") / name
         observer = Observer(given.observer, given.observer_slope, given.participant) if given.observer else None
-        summary = conduct(study, given.participant, out, observer, not given.no_runs)
+        if observer and given.page is not None:
+            raise StudyError("--observer, --page: either an observer answers, or a person; remove one of them")
+        person = Terminal() if given.page is None else page_of(given.page)
+        summary = conduct(study, given.participant, out, observer, not given.no_runs, person)
     except (StudyError, subworld.SubworldError) as wrong:
         print(f"subworld study: error: {wrong}", file=sys.stderr)
         return 2 if isinstance(wrong, StudyError) else 1

@@ -12,7 +12,7 @@ class Page : public ProcessTest {
  protected:
   /// The address of the page that a command names; empty: it names none.
   static std::string address_of(Process& command) {
-    const std::regex named("page: (http://127\\.0\\.0\\.1:\\d+/)");
+    const std::regex named("page: (http://127\\.0\\.0\\.1:\\d+/[\\w-]*/?)");
     std::smatch found;
     std::string text;
     const bool named_it = eventually([&] {
@@ -42,6 +42,25 @@ TEST_F(Page, ShowsAndControlsARun) {
   ASSERT_NE(address, "") << run.err();
   if (look(run, "page_client.py", {address, out()}) == kSkipped) FAIL() << "no Chromium, or a build without the page";
   EXPECT_EQ(run.wait().value_or(-1), 0) << run.err();  // the page has stopped it
+}
+
+/// A person reads, touches and answers in a browser.
+TEST_F(Page, ConductsAStudy) {
+  const std::string file =
+      folder_.write("study.yaml",
+                    "name: page\nscene: press\nflags: {mode: realtime, duration: 2, device: browser, page: true}\n"
+                    "conditions: {a: {}, b: {}}\norder: fixed\ninstructions: Judge what you feel.\nquestions:\n"
+                    "  - {name: hard, text: \"How hard?\", from: 1, to: 7}\n  - {name: percent, text: \"Percent?\", "
+                    "from: 0, to: 100}\n");
+  Process study({program("subworld_study"), file, "--out", out(), "--page"}, folder_.path());
+  const std::string address = address_of(study);
+  ASSERT_NE(address, "") << study.err();
+  ASSERT_NE(look(study, "study_client.py", {address}), kSkipped) << "no Chromium, or a build without the page";
+  EXPECT_EQ(study.wait().value_or(-1), 0) << study.err();
+  const std::string table = read_text(out() + "/trials_1.csv");
+  EXPECT_EQ(std::ranges::count(table, '\n'), 3) << table;
+  for (const char* row : {"page,1,0,0,a,", "page,1,1,0,b,", ",2,42\n"})
+    EXPECT_NE(table.find(row), std::string::npos) << table;
 }
 
 /// The page of a run that misses gates shows its verdict, with the gates that are not ok.
