@@ -25,6 +25,9 @@ install(FILES idl/subworld.idl deploy/results/subworld_results.py DESTINATION sh
 install(FILES deploy/python/subworld.py deploy/python/subworld_study.py deploy/python/subworld_study_page.py
               deploy/results/subworld_results.py
         DESTINATION lib/python3/dist-packages COMPONENT programs)
+if(TARGET subworld_core)
+  install(TARGETS subworld_core LIBRARY DESTINATION lib/python3/dist-packages COMPONENT programs OPTIONAL)
+endif()
 install(PROGRAMS deploy/python/study DESTINATION lib/subworld RENAME subworld_study COMPONENT programs)
 
 # Pages with their pictures, in the folders to which their links lead; and what the programs say of themselves.

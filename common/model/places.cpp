@@ -2,15 +2,16 @@
 
 #include <system_error>
 
-/// Defined in programs that are built with an installation (deploy/installed_programs.cpp).
-extern "C" __attribute__((weak)) const char* const subworld_installed_programs;
+/// The folder of Subworld's programs, for what lies elsewhere: defined in programs that are built with an installation
+/// (deploy/installed_programs.cpp), and in the module of Python.
+extern "C" __attribute__((weak)) const char* subworld_installed_programs();
 
 namespace subworld {
 
 namespace fs = std::filesystem;
 
 fs::path program_folder() {
-  if (&subworld_installed_programs != nullptr) return subworld_installed_programs;
+  if (subworld_installed_programs != nullptr) return subworld_installed_programs();
   std::error_code ignored;
   return fs::read_symlink("/proc/self/exe", ignored).parent_path();
 }

@@ -222,7 +222,7 @@ TEST_P(PythonModules, Work) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Checks, PythonModules,
-                         ::testing::Values("staircases", "orders", "study", "module", "page", "mistakes"),
+                         ::testing::Values("staircases", "orders", "study", "module", "core", "page", "mistakes"),
                          [](const auto& one) { return std::string(one.param); });
 
 TEST_F(PythonResults, OfALabAreItsTables) {

@@ -136,15 +136,47 @@ def module(folder):
         expect(wrong.code == 2 and "no_such_scene" in str(wrong), str(wrong))
 
 
+def core(folder):
+    """The module in this process has the bits of the programs, and says what is wrong."""
+    import subworld_core
+
+    settings = {"duration_s": 0.3, "scheme": "paper", "disable": "suppression"}
+    here = subworld_core.InProcess("lift", settings)
+    here.finish()
+    there = subworld.run("lift", folder / "there", mode="lockstep", dds="cyclonedds", set=settings)
+    expect(here.state_hash == there.summary["state_hash"], f"{here.state_hash}: another result than that of the programs")
+    for user in (0, 1):
+        table = there.tables.users[user]
+        least = min(len(table), len(here.force_n(user)))
+        away = abs(here.force_n(user)[:least, 0] - table.force_x_n.to_numpy()[:least]).max()
+        expect(least > 250 and away < 1e-6, f"user {user}: {least} steps, {away} N away")
+    for wrong, says in [
+        (lambda: subworld_core.InProcess("nothing"), "neither a file nor"), (here.step, "over"),
+        (lambda: subworld_core.InProcess("lift", {"ratio": 0}), "at least 1"), (lambda: here.force_n(2), "2 take part"),
+        (lambda: subworld_core.add_scheme("paper", lambda *_: (0, 0)), "already"), (lambda: here.state("x"), "x"),
+    ]:
+        try:
+            wrong()
+            expect(False, f"no error: {says}")
+        except (subworld_core.Error, LookupError) as error:
+            expect(says in str(error), str(error))
+    subworld_core.add_scheme("wrong", lambda owner, lag: (2, 0))
+    try:
+        subworld_core.InProcess("lift", {"scheme": "wrong"}).finish()
+        expect(False, "a correction of 2 is accepted")
+    except ValueError as error:
+        expect("from 0 to 1" in str(error), str(error))
+
+
 def page(folder):
     """The examples of deploy/python/README.md; of the repeats one is enough."""
     os.chdir(folder)
     text = (Path(__file__).resolve().parents[3] / "deploy/python/README.md").read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, re.S)
-    expect(len(blocks) == 2, f"{len(blocks)} examples")
+    expect(len(blocks) == 3, f"{len(blocks)} examples")
     for block in blocks:
         exec(block.replace("repeats=10", "repeats=1"), {})  # pylint: disable=exec-used
 
 
 if __name__ == "__main__":
-    {"staircases": staircases, "orders": orders, "study": study, "module": module, "page": page, "mistakes": mistakes}[sys.argv[1]](Path(sys.argv[2]))
+    globals()[sys.argv[1]](Path(sys.argv[2]))
