@@ -3,23 +3,20 @@
 #include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "model/tool_link.hpp"
-#include "ros2/messages.hpp"
+#include "ros2/ros.hpp"
 #include "rt/stop.hpp"
 #include "tools.hpp"
-#include "wire/codec/cdr.hpp"
-#include "wire/codec/codec.hpp"
 #include "wire/observer.hpp"
-#include "wire/plugin.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <deque>
-#include <limits>
 #include <map>
 #include <memory>
 #include <thread>
@@ -27,92 +24,14 @@
 namespace {
 
 using namespace subworld;
+using ros2::Ros;
 using SteadyClock = std::chrono::steady_clock;
-constexpr const char* kFrame = "world";
 
 struct Request {
   Options options;
   int ros_domain = 0;
   std::vector<int> driven;  ///< users
   int first_port = 47800;   ///< of the device udp of user 0
-};
-
-/// What ROS 2 does is no event of the run.
-class NoEvents final : public wire::EventSink {
- public:
-  void report(wire::Event, std::uint64_t, const char*, const char*, const char*) noexcept override {}
-  void wake() noexcept override {}
-};
-
-ros2::Time time_of(double s) {
-  const double whole = std::floor(s);
-  return {static_cast<std::int32_t>(whole), static_cast<std::uint32_t>((s - whole) * 1e9)};
-}
-ros2::Header header_of(double stamp_s) { return {time_of(stamp_s), kFrame}; }
-ros2::Vector3 to_ros(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
-ros2::Quaternion to_ros(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
-ros2::Pose to_ros(const Vec3& position, const Quat& orientation) { return {to_ros(position), to_ros(orientation)}; }
-
-/// The domain of ROS 2.
-class Ros {
- public:
-  Ros(const Network& network, int domain) {
-    BusConfig config{.vendor = parse_vendor(network.dds), .domain = domain};
-    config.interface_address = network.interface_address;
-    config.peers = network.peers;
-    config.participant_name = "subworld_ros2";
-    backend_.reset(wire::load_plugin(config.vendor)(wire::prepare(config), events_));
-  }
-
-  template <class M>
-  class Writer {
-   public:
-    explicit Writer(std::unique_ptr<wire::BackendWriter> writer) : writer_(std::move(writer)) {}
-    void write(const M& message) {
-      if (writer_->matched() == 0) return;
-      CdrWriter archive(bytes_, changes_);
-      fields(archive, message);
-      writer_->write(archive.written());
-    }
-
-   private:
-    std::unique_ptr<wire::BackendWriter> writer_;
-    std::vector<std::uint8_t> bytes_;
-    Changes changes_;
-  };
-
-  /// ROS 2's default quality of service is reliable, volatile, the last 10. A reader that asks for less matches too.
-  template <class M>
-  [[nodiscard]] Writer<M> writer(const std::string& topic) {
-    return Writer<M>(backend_->create_writer(spec<M>(topic, Reliability::reliable)));
-  }
-  template <class M>
-  [[nodiscard]] std::unique_ptr<wire::BackendReader> reader(const std::string& topic) {
-    return backend_->create_reader(spec<M>(topic, Reliability::best_effort));
-  }
-
- private:
-  template <class M>
-  wire::EndpointSpec spec(const std::string& topic, Reliability reliability) {
-    const std::string& name = names_.emplace_back("rt/" + topic);
-    wire::EndpointSpec made{};
-    made.topic = {.name = name.c_str(),
-                  .type = M::kType,
-                  .key_words = 0,
-                  .reliability = reliability,
-                  .durability = Durability::volatile_,
-                  .depth = 10,
-                  .deadline = DeadlineKind::none,
-                  .delayed = {}};
-    made.qos.reliable = reliability == Reliability::reliable;
-    made.qos.depth = made.topic.depth;
-    made.qos.lease_s = std::numeric_limits<double>::infinity();  // as ROS 2
-    return made;
-  }
-
-  std::deque<std::string> names_;
-  NoEvents events_;
-  std::unique_ptr<wire::Backend> backend_;
 };
 
 /// A user's force and pose for ROS 2, and the poses of ROS 2 for the user's device `udp`.
@@ -139,9 +58,10 @@ class UserBridge {
   /// Returns whether the run is over for this user.
   bool pass() {
     while (commands_.take(command_))
-      wrenches_.write({header_of(command_.stamp_s), to_ros(command_.wrench.force), to_ros(command_.wrench.torque)});
+      wrenches_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(command_.wrench.force),
+                       ros2::to_ros(command_.wrench.torque)});
     while (states_.take(state_))
-      poses_.write({header_of(command_.stamp_s), to_ros(state_.pose.position, state_.pose.orientation)});
+      poses_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(state_.pose.position, state_.pose.orientation)});
     if (moves_) drive();
     return command_.last;
   }
@@ -191,6 +111,7 @@ class WorldBridge {
         snapshots_(bus, {}),
         clock_(ros.writer<ros2::Clock>("clock")),
         transforms_(ros.writer<ros2::TFMessage>("tf")),
+        joints_(ros.writer<ros2::JointState>("joint_states")),
         markers_(ros.writer<ros2::MarkerArray>("subworld/markers")) {
     for (const Body& body : scene.bodies)
       if (index(body.id) < scene.initial.size()) states_[index(body.id)] = scene.initial[index(body.id)];
@@ -201,15 +122,16 @@ class WorldBridge {
     constexpr double kMarkersEvery_s = 0.1;
     while (snapshots_.take(snapshot_)) {
       const double now_s = snapshot_.stamp_s;
-      clock_.write({time_of(now_s)});
+      clock_.write({ros2::time_of(now_s)});
       ros2::TFMessage moved;
       for (const StampedBody& one : snapshot_.moved) {
         if (index(one.id) >= scene_.bodies.size()) continue;
         states_[index(one.id)] = one.state;
-        moved.transforms.push_back({header_of(now_s), scene_.bodies[index(one.id)].name, to_ros(one.state.position),
-                                    to_ros(one.state.orientation)});
+        moved.transforms.push_back({ros2::header_of(now_s), scene_.bodies[index(one.id)].name,
+                                    ros2::to_ros(one.state.position), ros2::to_ros(one.state.orientation)});
       }
       transforms_.write(moved);
+      if (!scene_.joints.empty()) joints_.write(joint_states(now_s));
       if (now_s - marked_s_ < kMarkersEvery_s && now_s >= marked_s_) continue;
       marked_s_ = now_s;
       markers_.write(marks(now_s));
@@ -218,13 +140,35 @@ class WorldBridge {
   }
 
  private:
+  /// The free coordinates of all joints. A joint with several has the name and the coordinate's: "arm_x", "arm_turn_z".
+  [[nodiscard]] ros2::JointState joint_states(double now_s) const {
+    constexpr std::array kNames{"x", "y", "z", "turn_x", "turn_y", "turn_z"};
+    ros2::JointState all{.header = ros2::header_of(now_s), .name = {}, .position = {}, .velocity = {}, .effort = {}};
+    for (const Joint& joint : scene_.joints) {
+      const BodyState &a = states_.at(index(joint.a)), &b = states_.at(index(joint.b));
+      const JointPlace place = place_of(joint, {a.position, a.orientation}, {b.position, b.orientation});
+      const auto at_point = [&](const BodyState& body) -> Vec3 {
+        return body.linear_velocity + body.angular_velocity.cross(place.point - body.position);
+      };
+      const bool one = std::ranges::count(joint.axes, true, &JointAxis::free) == 1;
+      for (std::size_t i = 0; i < kNames.size(); ++i) {
+        if (!joint.axes[i].free) continue;
+        const Vec3 rate = i < 3 ? Vec3(at_point(a) - at_point(b)) : Vec3(a.angular_velocity - b.angular_velocity);
+        all.name.push_back(one ? joint.name : fmt::format("{}_{}", joint.name, kNames[i]));
+        all.position.push_back(place.coordinates[i]);
+        all.velocity.push_back(place.directions[i].dot(rate));
+      }
+    }
+    return all;
+  }
+
   [[nodiscard]] ros2::MarkerArray marks(double now_s) const {
     ros2::MarkerArray all;
     for (const auto& [id, state] : states_) {
       const Body& body = scene_.bodies[id];
-      ros2::Marker mark{.header = header_of(now_s), .ns = "subworld"};
+      ros2::Marker mark{.header = ros2::header_of(now_s), .ns = "subworld"};
       mark.id = static_cast<std::int32_t>(id);
-      mark.pose = to_ros(state.position, state.orientation);
+      mark.pose = ros2::to_ros(state.position, state.orientation);
       mark.color = body.fixed() ? ros2::ColorRGBA{0.6F, 0.6F, 0.6F, 1.0F} : ros2::ColorRGBA{0.3F, 0.5F, 0.8F, 1.0F};
       if (give_shape(body.shape, mark)) all.markers.push_back(std::move(mark));
     }
@@ -241,7 +185,7 @@ class WorldBridge {
         mark.type = ros2::Marker::sphere, mark.scale = {across_m, across_m, across_m};
         return true;
       case ShapeKind::box:
-        mark.scale = to_ros(Vec3(2.0 * shape.half_extents));
+        mark.scale = ros2::to_ros(Vec3(2.0 * shape.half_extents));
         return true;
       case ShapeKind::capsule:
       case ShapeKind::cylinder: {
@@ -258,7 +202,7 @@ class WorldBridge {
     const Mesh& mesh = scene_.meshes[shape.mesh];
     mark.type = ros2::Marker::triangle_list, mark.scale = {1.0, 1.0, 1.0};
     for (const auto& corners : mesh.triangles)
-      for (const std::uint32_t corner : corners) mark.points.push_back(to_ros(mesh.vertices[corner]));
+      for (const std::uint32_t corner : corners) mark.points.push_back(ros2::to_ros(mesh.vertices[corner]));
     return true;
   }
 
@@ -266,6 +210,7 @@ class WorldBridge {
   Watched<WorldSnapshot> snapshots_;
   Ros::Writer<ros2::Clock> clock_;
   Ros::Writer<ros2::TFMessage> transforms_;
+  Ros::Writer<ros2::JointState> joints_;
   Ros::Writer<ros2::MarkerArray> markers_;
   WorldSnapshot snapshot_;
   std::map<std::size_t, BodyState> states_;

@@ -81,6 +81,17 @@ struct Clock {
 };
 bool fields(auto& archive, Is<Clock> auto& m) { return archive("clock", m.clock); }
 
+struct JointState {
+  static constexpr const char* kType = "sensor_msgs::msg::dds_::JointState_";
+  Header header;
+  std::vector<std::string> name;
+  std::vector<double> position, velocity, effort;
+};
+bool fields(auto& archive, Is<JointState> auto& m) {
+  return archive("header", m.header) && archive("name", m.name) && archive("position", m.position) &&
+         archive("velocity", m.velocity) && archive("effort", m.effort);
+}
+
 struct ColorRGBA {
   float r = 0.0F, g = 0.0F, b = 0.0F, a = 1.0F;
 };

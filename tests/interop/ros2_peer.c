@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   const dds_entity_t clocks = reader(me, &rosgraph_msgs_msg_dds__Clock__desc, "rt/clock");
   const dds_entity_t transforms = reader(me, &tf2_msgs_msg_dds__TFMessage__desc, "rt/tf");
   const dds_entity_t markers = reader(me, &visualization_msgs_msg_dds__MarkerArray__desc, "rt/subworld/markers");
+  const dds_entity_t joints = reader(me, &sensor_msgs_msg_dds__JointState__desc, "rt/joint_states");
   const dds_entity_t moves =
       required(dds_create_writer(me,
                                  required(dds_create_topic(me, &geometry_msgs_msg_dds__PoseStamped__desc,
@@ -65,7 +66,8 @@ int main(int argc, char** argv) {
                "writer");
   long of_wrench = 0, of_pose = 0, of_clock = 0, of_tf = 0, of_markers = 0, shown = 0;
   double least_n = 0.0, x_m = 0.0, clock_s = 0.0;
-  char frame[64] = "", body[64] = "";
+  char frame[64] = "", body[64] = "", joint[64] = "";
+  double turn_least = 1.0, turn_most = -1.0, turn_rate = 0.0;
   geometry_msgs_msg_dds__PoseStamped_ move;
   memset(&move, 0, sizeof move);
   move.header.frame_id = "world";
@@ -106,6 +108,16 @@ int main(int argc, char** argv) {
         shown += all->markers._buffer[i].scale.x > 0.0 && all->markers._buffer[i].color.a == 1.0F;
       give_back(markers, sample);
     }
+    while ((sample = taken(joints)) != NULL) {
+      const sensor_msgs_msg_dds__JointState_* all = sample;
+      if (all->name._length == 1 && all->position._length == 1 && all->velocity._length == 1) {
+        snprintf(joint, sizeof joint, "%s", all->name._buffer[0]);
+        turn_least = fmin(turn_least, all->position._buffer[0]);
+        turn_most = fmax(turn_most, all->position._buffer[0]);
+        turn_rate = fmax(turn_rate, all->velocity._buffer[0]);
+      }
+      give_back(joints, sample);
+    }
     const double part = fmin(fmax((double)(of_wrench - RATE_HZ / 2) / 400.0, 0.0), 1.0);
     move.pose.position.x = 0.05 * part * part * (3.0 - 2.0 * part);
     dds_write(moves, &move);
@@ -115,8 +127,9 @@ int main(int argc, char** argv) {
   }
   printf(
       "wrenches %ld poses %ld clocks %ld transforms %ld markers %ld shown %ld least_n %.2f x_m %.3f clock_s %.2f "
-      "frame %s body %s\n",
-      of_wrench, of_pose, of_clock, of_tf, of_markers, shown, least_n, x_m, clock_s, frame, body);
+      "frame %s body %s joint %s turn_least %.4f turn_most %.4f turn_rate %.4f\n",
+      of_wrench, of_pose, of_clock, of_tf, of_markers, shown, least_n, x_m, clock_s, frame, body, joint, turn_least,
+      turn_most, turn_rate);
   dds_delete(me);
   return of_wrench >= SECONDS * RATE_HZ ? 0 : 1;
 }

@@ -46,13 +46,19 @@ TEST_P(ForeignDevice, PlaysAUsersDeviceInARunningSystem) {
 TEST_P(ForeignDevice, OfRos2FeelsTheRunAndDrivesAUser) {
   const TestDomain ros;
   const int port = 47900 + domain_.number();
+  // A pendulum of 0.1 m, far from the cube, that begins at 0.2 rad.
+  const std::string press = edited(
+      "press", "users:",
+      "  - {name: bob, shape: sphere, radius_m: 0.02, mass_kg: 0.5, material: plain, position_m: [0, "
+      "1.01987, 0.20199]}\njoints:\n  - {name: swing, type: hinge, bodies: [bob, wall], at_m: [0, 1, 0.3], axis: "
+      "[1, 0, 0]}\nusers:");
   const std::string bridged = folder_.path() + "/bridge", peers = folder_.path() + "/peer";
   for (const std::string& made : {bridged, peers}) std::filesystem::create_directory(made);
-  Process process(run_words(scene("press"), {"--mode", "realtime", "--duration", "1000", "--dds", GetParam(),
-                                             "--device", "udp", "--device-settings", udp_settings(port)}),
+  Process process(run_words(press, {"--mode", "realtime", "--duration", "1000", "--dds", GetParam(), "--device", "udp",
+                                    "--device-settings", udp_settings(port)}),
                   folder_.path());
-  Process bridge({program("subworld"), "ros2", scene("press"), "--domain", domain_.text(), "--dds", GetParam(),
-                  "--ros-domain", ros.text(), "--drive", "0", "--port", std::to_string(port)},
+  Process bridge({program("subworld"), "ros2", press, "--domain", domain_.text(), "--dds", GetParam(), "--ros-domain",
+                  ros.text(), "--drive", "0", "--port", std::to_string(port)},
                  bridged);
   Process peer({program("ros2_peer"), ros.text()}, peers,
                {{"CYCLONEDDS_URI", std::string("file://") + SOURCE_FOLDER + "/tests/interop/foreign_device.xml"}});
@@ -69,8 +75,13 @@ TEST_P(ForeignDevice, OfRos2FeelsTheRunAndDrivesAUser) {
   EXPECT_EQ(heard["x_m"], "0.050") << peer.out();
   EXPECT_GT(std::stol("0" + heard["clocks"]), 10) << peer.out();
   EXPECT_GT(std::stol("0" + heard["transforms"]), 10) << peer.out();
-  EXPECT_EQ(heard["shown"], "3") << "cube, wall and proxy; the floor has no end: " << peer.out();
+  EXPECT_EQ(heard["shown"], "4") << "cube, wall, bob and proxy; the floor has no end: " << peer.out();
   EXPECT_EQ(heard["frame"], "world") << peer.out();
+  ASSERT_EQ(heard["joint"], "swing") << peer.out();
+  const double amplitude = 0.5 * (std::stod(heard["turn_most"]) - std::stod(heard["turn_least"]));
+  EXPECT_NEAR(amplitude, 0.2, 0.01) << peer.out();
+  // sqrt(m g l / (m l^2 + 2/5 m r^2)) = 9.83 rad/s; 30 samples a second miss the largest rate by up to 1.3 %.
+  EXPECT_NEAR(std::stod(heard["turn_rate"]) / amplitude, 9.8, 0.3) << peer.out();
 }
 
 INSTANTIATE_TEST_SUITE_P(Vendors, ForeignDevice, ::testing::Values("fastdds"),
