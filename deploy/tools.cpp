@@ -7,9 +7,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 
 namespace subworld {
 namespace {
@@ -25,6 +28,14 @@ const char* about_tool(std::string_view name) {
   return std::ranges::find_if(kTools, [&](const Tool& tool) { return name == tool.name; })->about;
 }
 bool is_lab(std::string_view name) { return is_among(kLabs, name); }
+
+std::string first_line_of(const std::string& command) {
+  const std::unique_ptr<std::FILE, decltype([](std::FILE* pipe) { pclose(pipe); })> pipe(popen(command.c_str(), "re"));
+  std::array<char, 256> line{};
+  if (!pipe || std::fgets(line.data(), line.size(), pipe.get()) == nullptr) return {};
+  const std::string text = line.data();
+  return text.substr(0, text.find('\n'));
+}
 
 void become(const std::string& name, char** arguments) {
   const std::string program = (program_folder() / name).string();

@@ -44,4 +44,7 @@ inline constexpr std::array kLabs{
 /// `Error` (failed) where it cannot start.
 [[noreturn]] void become(const std::string& name, char** arguments);
 
+/// First line that a command of the shell prints; empty where it prints none.
+[[nodiscard]] std::string first_line_of(const std::string& command);
+
 }  // namespace subworld

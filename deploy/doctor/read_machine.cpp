@@ -6,6 +6,7 @@
 #include "physics/engine.hpp"
 #include "physics/plugin.hpp"
 #include "rt/calibration.hpp"
+#include "tools.hpp"
 #include "wire/plugin.hpp"
 
 #include <fcntl.h>
@@ -18,10 +19,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <memory>
 #include <set>
 #include <sstream>
 
@@ -121,15 +120,6 @@ void read_temporary_folder(Machine& machine) {
   std::error_code ignored;
   if (!files::is_directory(folder, ignored) || access(folder.c_str(), W_OK | X_OK) != 0)
     machine.bad_temporary_folder = folder;
-}
-
-/// First line that a command prints; empty where it prints none.
-std::string first_line_of(const std::string& command) {
-  const std::unique_ptr<std::FILE, decltype([](std::FILE* pipe) { pclose(pipe); })> pipe(popen(command.c_str(), "re"));
-  std::array<char, 256> line{};
-  if (!pipe || std::fgets(line.data(), line.size(), pipe.get()) == nullptr) return {};
-  const std::string text = line.data();
-  return text.substr(0, text.find('\n'));
 }
 
 InstalledPart program_part(const std::string& name) {

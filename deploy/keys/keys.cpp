@@ -11,6 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -21,14 +22,10 @@ namespace {
 
 namespace files = std::filesystem;
 
-/// Runs openssl in a folder; its words are those of a shell. Returns whether it succeeds.
-bool openssl(const files::path& folder, const std::string& words) {
-  const std::string command = fmt::format("cd {} && {{ openssl {}; }} > openssl.log 2>&1", shell_word(folder), words);
-  return std::system(command.c_str()) == 0;
-}
-
+/// Runs openssl in a folder; its words are those of a shell. Throws `Error` (failed) with what it says.
 void must(const files::path& folder, const std::string& words) {
-  if (openssl(folder, words)) return;
+  const std::string command = fmt::format("cd {} && {{ openssl {}; }} > openssl.log 2>&1", shell_word(folder), words);
+  if (std::system(command.c_str()) == 0) return;
   std::ifstream log(folder / "openssl.log");
   const std::string text{std::istreambuf_iterator<char>(log), {}};
   throw Error(ExitCode::failed, fmt::format("openssl {}: {}; is the package openssl installed?", words, text));
@@ -37,6 +34,11 @@ void must(const files::path& folder, const std::string& words) {
 void write(const files::path& file, const std::string& text) {
   if (!(std::ofstream(file) << text).flush())
     throw Error(ExitCode::failed, fmt::format("{}: cannot be written", file.string()));
+}
+
+/// Whether commands of a shell succeed in a folder, which they leave as it is.
+bool holds(const files::path& folder, const std::string& commands) {
+  return std::system(fmt::format("cd {} && {{ {}; }} > /dev/null 2>&1", shell_word(folder), commands).c_str()) == 0;
 }
 
 /// Signs NAME.xml of a folder as NAME.p7s; `to_all` leads to the authority's files.
@@ -136,21 +138,28 @@ std::string permissions(const Role& role, const std::string& from, const std::st
 void make_keys(const KeysRequest& request) {
   if (request.folder.empty()) throw Error(ExitCode::usage, "names no folder for the keys");
   const files::path all = files::absolute(request.folder);
-  if (files::exists(all / "authority.pem"))
+  const bool adds = files::exists(all / "authority.pem");
+  if (adds && users_with_keys(all) >= request.users)
+    throw Error(ExitCode::usage, fmt::format("{}: has keys for {} users already; name another folder, or more users",
+                                             all.string(), users_with_keys(all)));
+  if (adds && !files::is_regular_file(all / "authority_key.pem"))
     throw Error(ExitCode::usage,
-                fmt::format("{}: has keys already; name another folder: the keys of all users are made together",
+                fmt::format("{}: has no authority_key.pem, which makes more keys; call this where the keys were made",
                             all.string()));
   umask(S_IRWXG | S_IRWXO);  // a key is the owner's alone
   files::create_directories(all);
   const std::string days = std::to_string(request.days);
-  must(all, fmt::format("{} -keyout authority_key.pem -out authority.pem -days {} -subj '/CN=Subworld authority'",
-                        kNewKey, days));
-  sign(all, "governance", governance(request), "");
+  if (!adds) {
+    must(all, fmt::format("{} -keyout authority_key.pem -out authority.pem -days {} -subj '/CN=Subworld authority'",
+                          kNewKey, days));
+    sign(all, "governance", governance(request), "");
+  }
   const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
   constexpr std::time_t kDay = 86'400;  // clocks of hosts may differ
   const auto text = [](std::time_t time) { return fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(time)); };
   for (const Role& role : roles(request.users)) {
     const files::path own = all / role.name;
+    if (files::exists(own)) continue;
     files::create_directories(own);
     must(own, fmt::format("{} -keyout key.pem -out certificate.pem -days {} -subj /CN={} -CA ../authority.pem -CAkey "
                           "../authority_key.pem",
@@ -182,31 +191,37 @@ void check_files(const files::path& folder, const std::vector<std::string>& name
   }
 }
 
+/// The words of openssl that succeed where a key belongs to a certificate.
+std::string same_key(const std::string& certificate, const std::string& key) {
+  return fmt::format("version && [ \"$(openssl x509 -noout -pubkey -in {})\" = \"$(openssl pkey -in {} -pubout)\" ]",
+                     certificate, key);
+}
+
 }  // namespace
 
-std::vector<std::string> key_faults(const std::string& folder) {
+std::vector<std::string> key_faults(const std::string& folder, const std::vector<std::string>& roles) {
   std::vector<std::string> faults;
   if (!files::is_directory(folder)) return {fmt::format("{}: is no folder; `subworld keys make` makes one", folder)};
   const files::path all = files::absolute(folder);
   check_files(all, {"authority.pem", "governance.p7s"}, faults);
   if (!faults.empty()) return faults;
   const auto check = [&](const files::path& where, const std::string& words, const std::string& what) {
-    const bool holds = openssl(where, words);
-    if (!holds) faults.push_back(fmt::format("{}: {}", where.string(), what));
-    return holds;
+    if (holds(where, "openssl " + words)) return true;
+    faults.push_back(fmt::format("{}: {}", where.string(), what));
+    return false;
   };
   const std::string readable = "x509 -noout -in ", expired = "x509 -checkend 0 -noout -in ";
   if (!check(all, readable + "authority.pem", "authority.pem is no certificate")) return faults;
   check(all, expired + "authority.pem", "authority.pem has expired");
   check(all, "smime -verify -text -in governance.p7s -CAfile authority.pem",
         "governance.p7s is not signed by this authority, or was changed");
-  if (files::exists(all / "authority_key.pem"))
-    check(all, "x509 -noout -pubkey -in authority.pem > p && openssl pkey -in authority_key.pem -pubout | cmp - p",
-          "authority_key.pem does not belong to authority.pem");
+  if (files::is_regular_file(all / "authority_key.pem"))
+    check(all, same_key("authority.pem", "authority_key.pem"), "authority_key.pem does not belong to authority.pem");
   for (const auto& entry : files::directory_iterator(all)) {
     if (!entry.is_directory()) continue;
     const files::path& own = entry.path();
     const std::string role = own.filename().string();
+    if (!roles.empty() && std::ranges::find(roles, role) == roles.end()) continue;
     const std::size_t before = faults.size();
     check_files(own, {"certificate.pem", "key.pem", "permissions.p7s"}, faults);
     if (faults.size() > before || !check(own, readable + "certificate.pem", "certificate.pem is no certificate"))
@@ -216,15 +231,13 @@ std::vector<std::string> key_faults(const std::string& folder) {
           "certificate.pem is not of this authority");
     check(own, fmt::format("x509 -noout -subject -in certificate.pem | grep -qx 'subject=CN = {}'", role),
           fmt::format("certificate.pem is not that of {}", role));
-    check(own, "x509 -noout -pubkey -in certificate.pem > p && openssl pkey -in key.pem -pubout | cmp - p",
-          "key.pem does not belong to certificate.pem");
+    check(own, same_key("certificate.pem", "key.pem"), "key.pem does not belong to certificate.pem");
     check(own,
-          fmt::format("smime -verify -text -in permissions.p7s -CAfile ../authority.pem -out p && grep -q '>CN={}<' p",
+          fmt::format("version && text=$(openssl smime -verify -text -in permissions.p7s -CAfile ../authority.pem) && "
+                      "echo \"$text\" | grep -q '>CN={}<'",
                       role),
           fmt::format("permissions.p7s is not that of {}, is not signed by this authority, or was changed", role));
-    for (const char* made : {"p", "openssl.log"}) files::remove(own / made);
   }
-  for (const char* made : {"p", "openssl.log"}) files::remove(all / made);
   return faults;
 }
 

@@ -14,14 +14,15 @@ struct KeysRequest {
 };
 
 /// Makes an authority, a certificate with a key for each role of a run, and the signed documents that say what is
-/// protected and what each role may publish. Uses the program openssl. Throws `Error` (usage) where the folder has keys
-/// already, and (failed) where openssl fails.
+/// protected and what each role may publish. In a folder with keys, makes those of further users. Uses the program
+/// openssl. Throws `Error` (usage) where all users have keys already, and (failed) where openssl fails.
 void make_keys(const KeysRequest& request);
 
 /// Users for whom a folder has keys.
 [[nodiscard]] int users_with_keys(const std::string& folder);
 
-/// What is wrong with the keys of a folder, in words; empty: nothing.
-[[nodiscard]] std::vector<std::string> key_faults(const std::string& folder);
+/// What is wrong with the keys of a folder, in words; empty: nothing. `roles`: whose, as "haptic_sim_0"; empty: all.
+[[nodiscard]] std::vector<std::string> key_faults(const std::string& folder,
+                                                  const std::vector<std::string>& roles = {});
 
 }  // namespace subworld

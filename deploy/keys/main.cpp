@@ -13,16 +13,19 @@ using namespace subworld;
 int main_of(int argc, char** argv) {
   CommandLine line("subworld keys", about_tool("keys"));
   KeysRequest request;
-  CommandLine& make = line.command("make", "Makes the keys of a run");
-  make.add("folder", &request.folder, "new folder for the keys").required();
+  CommandLine& make = line.command("make", "Makes the keys of a run, or adds those of further users");
+  make.add("folder", &request.folder, "folder for the keys").required();
   make.add("--users", &request.users, "users of the run").range(1, 64);
   make.add("--days", &request.days, "days for which the keys are valid").range(1, 36500);
   make.flag("--encrypt", request.encrypt, "also hide what is sent; else the keys only prove by whom");
   CommandLine& check = line.command("check", "Names what is wrong with the keys of a folder");
   check.add("folder", &request.folder, "folder of the keys").required();
+  std::vector<std::string> roles;
+  check.add("--role", &roles, "only the keys of these roles, as haptic_sim_0, separated by commas").otherwise("all");
   line.footer(
       "Examples:\n"
       "  subworld keys make keys --users 2\n"
+      "  subworld keys make keys --users 4  # adds two\n"
       "  subworld keys check keys\n"
       "  subworld run heap --secure keys");
   if (const auto code = line.parse(argc, argv)) return *code;
@@ -35,7 +38,7 @@ int main_of(int argc, char** argv) {
         request.folder, request.users, request.days, request.users == 1 ? "" : "s");
     return static_cast<int>(ExitCode::done);
   }
-  const std::vector<std::string> faults = key_faults(request.folder);
+  const std::vector<std::string> faults = key_faults(request.folder, roles);
   for (const std::string& fault : faults) fmt::print("{}\n", fault);
   if (faults.empty()) fmt::print("{}: nothing is wrong\n", request.folder);
   return static_cast<int>(faults.empty() ? ExitCode::done : ExitCode::failed);

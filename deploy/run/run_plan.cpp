@@ -1,13 +1,17 @@
 #include "run/run_plan.hpp"
 
+#include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "model/joined.hpp"
+#include "model/places.hpp"
 #include "plan/limits.hpp"
 #include "run/claim.hpp"
 #include "run/page.hpp"
+#include "tools.hpp"
 #include "wire/bus.hpp"
 
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <iterator>
@@ -121,7 +125,7 @@ Network RunPlan::network_of(const SessionHost& host) const {
   return network;
 }
 
-/// Each program that starts here finds its keys.
+/// Each program that starts here finds its keys, and they are sound.
 void check_secure(const RunPlan& plan) {
   const std::string& folder = plan.request.options.network.secure;
   if (folder.empty()) return;
@@ -130,10 +134,20 @@ void check_secure(const RunPlan& plan) {
                 "--secure with --dds mixed: the keys that the two vendors offer each other do not fit; use one vendor");
   check_keys(folder, "subworld");
   if (!plan.all_here()) return;
+  std::string roles = "subworld";
   plan.each_program([&](const RunProgram& program, const std::string&) {
     if (program.name == "gui_headless" && !plan.request.gui) return;
-    check_keys(folder, program.user < 0 ? program.name : fmt::format("{} {}", program.name, program.user));
+    check_keys(folder, program.label());
+    roles += "," + program.label();
   });
+  const std::string tool = (program_folder() / "subworld_keys").string();
+  if (access(tool.c_str(), X_OK) != 0) return;  // of a checkout where it was not built yet
+  const std::string fault =
+      first_line_of(fmt::format("{} check {} --role {} 2>&1", shell_word(tool), shell_word(folder), roles));
+  if (!fault.ends_with("nothing is wrong"))
+    throw Error(ExitCode::usage, fmt::format("--secure {0}: {1}; `subworld keys check {0}` lists all faults, and "
+                                             "`subworld keys make NEW --users N` makes new keys",
+                                             folder, fault));
 }
 
 RunPlan plan_run(const RunRequest& given, Scene& scene) {

@@ -275,6 +275,12 @@ TEST(Keys, FaultsAreNamed) {
   EXPECT_TRUE(says(attack("changed permissions"), "or was changed"));
   EXPECT_TRUE(says(attack("governance of another authority"), "governance.p7s is not signed by this authority"));
   EXPECT_THROW(make(keys.sound()), Error) << "no keys are overwritten";
+  const files::path first = keys.sound() / "device_sim_0/certificate.pem";
+  const auto made = files::last_write_time(first);
+  make_keys({.folder = keys.sound(), .users = 3});
+  EXPECT_EQ(users_with_keys(keys.sound()), 3);
+  EXPECT_EQ(files::last_write_time(first), made);
+  EXPECT_EQ(key_faults(keys.sound()), std::vector<std::string>{});
 }
 
 }  // namespace

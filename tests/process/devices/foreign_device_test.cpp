@@ -50,7 +50,7 @@ TEST_P(ForeignDevice, OfRos2FeelsTheRunAndDrivesAUser) {
   const std::string press = edited(
       "press", "users:",
       "  - {name: bob, shape: sphere, radius_m: 0.02, mass_kg: 0.5, material: plain, position_m: [0, "
-      "1.01987, 0.20199]}\njoints:\n  - {name: swing, type: hinge, bodies: [bob, wall], at_m: [0, 1, 0.3], axis: "
+      "1.01987, 0.20199]}\njoints:\n  - {name: pivot, type: hinge, bodies: [bob, wall], at_m: [0, 1, 0.3], axis: "
       "[1, 0, 0]}\nusers:");
   const std::string bridged = folder_.path() + "/bridge", peers = folder_.path() + "/peer";
   for (const std::string& made : {bridged, peers}) std::filesystem::create_directory(made);
@@ -77,7 +77,7 @@ TEST_P(ForeignDevice, OfRos2FeelsTheRunAndDrivesAUser) {
   EXPECT_GT(std::stol("0" + heard["transforms"]), 10) << peer.out();
   EXPECT_EQ(heard["shown"], "4") << "cube, wall, bob and proxy; the floor has no end: " << peer.out();
   EXPECT_EQ(heard["frame"], "world") << peer.out();
-  ASSERT_EQ(heard["joint"], "swing") << peer.out();
+  ASSERT_EQ(heard["joint"], "pivot") << peer.out();
   const double amplitude = 0.5 * (std::stod(heard["turn_most"]) - std::stod(heard["turn_least"]));
   EXPECT_NEAR(amplitude, 0.2, 0.01) << peer.out();
   // sqrt(m g l / (m l^2 + 2/5 m r^2)) = 9.83 rad/s; 30 samples a second miss the largest rate by up to 1.3 %.

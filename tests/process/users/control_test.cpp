@@ -87,7 +87,13 @@ TEST_F(Control, ASecuredRunNeedsAllKeysAndOneVendor) {
   const Ended mixed = run(scene("press"), {"--dds", "mixed", "--secure", keys});
   EXPECT_EQ(mixed.code, 2);
   EXPECT_NE(mixed.err.find("use one vendor"), std::string::npos) << mixed.err;
-  std::filesystem::remove(keys + "/device_sim_0/key.pem");
+  const std::string key = keys + "/device_sim_0/key.pem", other = keys + "/haptic_sim_0/key.pem";
+  std::filesystem::copy_file(other, key, std::filesystem::copy_options::overwrite_existing);
+  const Ended swapped = run(scene("press"), {"--secure", keys});
+  EXPECT_EQ(swapped.code, 2) << swapped.err;
+  EXPECT_NE(swapped.err.find("device_sim_0: key.pem does not belong to certificate.pem"), std::string::npos)
+      << swapped.err;
+  std::filesystem::remove(key);
   const Ended lacks = run(scene("press"), {"--secure", keys});
   EXPECT_EQ(lacks.code, 3);
   EXPECT_NE(lacks.err.find("/device_sim_0/key.pem: No such file"), std::string::npos) << lacks.err;
