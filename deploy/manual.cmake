@@ -1,4 +1,4 @@
-# Part of the installation: pages for man and the completion for bash, of what the programs print.
+# Part of the installation: pages for man and the completion for bash, of what the programs print, and all licences.
 set(share $ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/share)
 set(completions ${share}/bash-completion/completions)
 file(MAKE_DIRECTORY ${share}/man/man1 ${completions})
@@ -19,3 +19,22 @@ foreach(program ${programs})
   list(APPEND CMAKE_INSTALL_MANIFEST_FILES ${CMAKE_INSTALL_PREFIX}/share/${page}
        ${CMAKE_INSTALL_PREFIX}/share/bash-completion/completions/${program})
 endforeach()
+
+# The licence, and those of the packages of the npm registry that are compiled into the page and the engines.
+file(READ ${licence} text)
+file(GLOB packages ${build}/gui_headless/web/node_modules/three ${build}/gui_headless/web/node_modules/uplot
+     ${build}/npm/*/package)
+foreach(package ${packages})
+  file(READ ${package}/package.json facts)
+  foreach(key name version license)
+    string(JSON ${key} GET "${facts}" ${key})
+  endforeach()
+  string(APPEND text "\n\n${name} ${version}, ${license}, is part of the programs of this package.\n\n")
+  file(GLOB notices ${package}/LICEN*)
+  foreach(notice ${notices})
+    file(READ ${notice} words)
+    string(APPEND text "${words}")
+  endforeach()
+endforeach()
+file(WRITE ${share}/doc/subworld/copyright "${text}")
+list(APPEND CMAKE_INSTALL_MANIFEST_FILES ${CMAKE_INSTALL_PREFIX}/share/doc/subworld/copyright)

@@ -69,6 +69,12 @@ TEST_F(Installed, RunsASceneByItsNameWithoutTheCheckout) {
   EXPECT_NE(summary().dump().find(place_ + "/lib/subworld/qos/fastdds.xml"), std::string::npos);
 }
 
+TEST_F(Installed, NamesTheLicencesOfAllItsParts) {
+  const std::string text = read_text(place_ + "/share/doc/subworld/copyright");
+  for (const char* part : {"Apache License", "three 0.", "uplot 1.", "The MIT License"})
+    EXPECT_NE(text.find(part), std::string::npos) << part;
+}
+
 TEST_F(Installed, HasPagesForManAndCompletesItsCommands) {
   for (const char* name : {"subworld", "world_sim", "haptic_sim", "device_sim", "gui_headless"}) {
     const Ended page = finish({"/usr/bin/man", "-l", "--warnings", place_ + "/share/man/man1/" + name + ".1"},
