@@ -4,6 +4,7 @@
 #include "lab/session/metrics.hpp"
 #include "model/error.hpp"
 #include "model/settings/settings.hpp"
+#include "wire/observer.hpp"
 
 #include <dlfcn.h>
 #include <fmt/core.h>
@@ -12,8 +13,10 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -171,6 +174,34 @@ class InProcess {
   CoupledRun run_;
 };
 
+/// Reads the forces that leave for a device of a running simulation.
+class Forces {
+ public:
+  Forces(int domain, int user, const std::string& dds, const std::string& secure)
+      : bus_(open_bus({.vendor = parse_vendor(dds),
+                       .domain = domain,
+                       .mode = Mode::realtime,
+                       .secure = secure,
+                       .participant_name = "subworld python"})),
+        commands_(*bus_, device_partition(user)) {}
+
+  [[nodiscard]] Array take() {
+    std::vector<std::array<double, 7>> taken;
+    for (DeviceCommand command; commands_.take(command);) {
+      if (command.last) continue;  // has no force
+      const Vec3 &f = command.wrench.force, &t = command.wrench.torque;
+      taken.push_back({command.stamp_s, f.x(), f.y(), f.z(), t.x(), t.y(), t.z()});
+    }
+    Array made({taken.size(), std::size_t{7}});
+    std::copy_n(taken.empty() ? nullptr : taken.front().data(), 7 * taken.size(), made.mutable_data());
+    return made;
+  }
+
+ private:
+  std::unique_ptr<Bus> bus_;
+  Watched<DeviceCommand> commands_;
+};
+
 }  // namespace
 
 PYBIND11_MODULE(subworld_core, m) {
@@ -196,6 +227,13 @@ PYBIND11_MODULE(subworld_core, m) {
       .def(
           "operator_force_n", [](const InProcess& run, std::size_t user) { return rows(run.felt(user).on_operator); },
           "user"_a = 0, "Force of the device on the operator, N, likewise.");
+  py::class_<Forces>(m, "Forces", "Reads the forces that leave for a device of a running simulation.")
+      .def(py::init<int, int, std::string, std::string>(), "domain"_a, "user"_a = 0, "dds"_a = "fastdds",
+           "secure"_a = "")
+      .def("take", &Forces::take,
+           "Those since the last call, the newest 8 at most, a row each: simulated time in s, force x, y, z in N, "
+           "torque x, "
+           "y, z in N m. Waits for none.");
   m.def(
       "force_error",
       [](const Array& force, const Array& reference, double h_s) {

@@ -104,8 +104,8 @@ class Run:
         self._log.seek(0)
         return self._log.read()
 
-    def control(self, *order, timeout_s: float = 20.0) -> str:
-        """An order, as in control("pause") or control("engine", "ode", "--haptic"). Returns the answers."""
+    def domain(self, timeout_s: float = 20.0) -> int:
+        """That of DDS, once the run says it."""
         limit = time.monotonic() + timeout_s
         while not (domain := re.search(r"domain (\d+), results in", self.log)):
             if not self.running or time.monotonic() > limit:
@@ -113,13 +113,23 @@ class Run:
             time.sleep(0.01)
         if not self.running:
             raise SubworldError("the run is over")
+        return int(domain[1])
+
+    def control(self, *order, timeout_s: float = 20.0) -> str:
+        """An order, as in control("pause") or control("engine", "ode", "--haptic"). Returns the answers."""
         done = subprocess.run(
-            [command(), "control", *map(str, order), "--domain", domain[1], "--wait", str(timeout_s), *self._meeting],
+            [command(), "control", *map(str, order), "--domain", str(self.domain(timeout_s)), "--wait", str(timeout_s), *self._meeting],
             capture_output=True, text=True, check=False,
         )
         if done.returncode != 0:
             raise SubworldError(done.stderr.strip(), done.returncode)
         return done.stdout
+
+    def forces(self, user: int = 0):
+        """A reader of the forces on a user's operator, live: `take()` returns those since its last call (subworld_core)."""
+        import subworld_core  # pylint: disable=import-outside-toplevel
+
+        return subworld_core.Forces(self.domain(), user, **dict(zip((word[2:] for word in self._meeting[::2]), self._meeting[1::2])))
 
     def stop(self):
         """Ends the run in order; its results are kept."""

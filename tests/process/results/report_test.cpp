@@ -221,6 +221,8 @@ TEST_P(PythonModules, Work) {
   EXPECT_EQ(ended.code, 0) << ended.err << ended.out;
 }
 
+INSTANTIATE_TEST_SUITE_P(RealTime, PythonModules, ::testing::Values("live"),
+                         [](const auto& one) { return std::string(one.param); });
 INSTANTIATE_TEST_SUITE_P(Checks, PythonModules,
                          ::testing::Values("staircases", "orders", "study", "module", "core", "page", "mistakes"),
                          [](const auto& one) { return std::string(one.param); });

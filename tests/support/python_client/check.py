@@ -168,6 +168,24 @@ def core(folder):
         expect("from 0 to 1" in str(error), str(error))
 
 
+def live(folder):
+    """Forces of a running simulation are those of its history."""
+    seen = []
+    with subworld.start("press", folder / "live", mode="realtime", duration=2, dds="cyclonedds") as run:
+        reader = run.forces()
+        while run.running:
+            seen.extend(reader.take())
+            time.sleep(0.002)
+        result = run.wait()
+    table = result.tables.users[0].operator_force_x_n
+    expect(len(seen) > 500, f"{len(seen)} forces")
+    times = [row[0] for row in seen if 0 < row[0] < 1.99]  # before the start and after the end, time stands still
+    expect(times == sorted(set(times)), "a force was read twice, or late")
+    of_history = table[(table.index >= times[0]) & (table.index <= times[-1])]
+    away = abs(min(row[1] for row in seen) - of_history.min())
+    expect(of_history.min() < -5 and away < 0.5, f"{of_history.min()} N, {away} N away")
+
+
 def page(folder):
     """The examples of deploy/python/README.md; of the repeats one is enough."""
     os.chdir(folder)
