@@ -10,6 +10,7 @@ import json
 import math
 import socket
 import sys
+from pathlib import Path
 
 import websockets
 
@@ -164,7 +165,10 @@ async def main(faults, words):
     words += ["--device-declutch", "1"]
     run = await asyncio.create_subprocess_exec(*words, "--device", "haply", "--device-settings", settings)
     try:
-        await until(lambda: service.commands > 1000, "1000 commands")
+        # Where the device is at the start is its origin.
+        log = Path(words[words.index("--out") + 1]) / "logs/world_sim.log"
+        await until(lambda: log.exists() and "running at" in log.read_text(), "the run begins")
+        await asyncio.sleep(0.5)
         await move(service, 0.05, 0.4)
         await until(lambda: service.force[0] < -5, "the force of the pressed cube")
         for fault in faults:
