@@ -78,16 +78,24 @@ struct Victim {
 
 struct ChurnCase {
   const char* dds;
-  bool hosts = false;  ///< on four hosts
+  bool hosts = false;    ///< on four hosts
+  bool secured = false;  ///< by keys
 };
 
-std::string name_of(const ChurnCase& one) { return std::string(one.dds) + (one.hosts ? "_on_four_hosts" : ""); }
+std::string name_of(const ChurnCase& one) {
+  return std::string(one.dds) + (one.hosts ? "_on_four_hosts" : "") + (one.secured ? "_secured" : "");
+}
 
 class Churn : public Sessions, public ::testing::WithParamInterface<ChurnCase> {
  protected:
   [[nodiscard]] Words words(double duration_s) const {
     const std::string file = folder_.write("three_on_a_cube.yaml", three_on_a_cube());
-    const Words flags{"--dds", GetParam().dds, "--restart", "on-failure"};
+    Words flags{"--dds", GetParam().dds, "--restart", "on-failure"};
+    if (GetParam().secured) {
+      const std::string keys = folder_.path() + "/keys";
+      EXPECT_EQ(finish({program("subworld"), "keys", "make", keys, "--users", std::to_string(kUsers)}).code, 0);
+      flags.insert(flags.end(), {"--secure", keys});
+    }
     Words words;
     if (GetParam().hosts) {
       words = up(folder_.write("session.yaml", four_hosts(file, domain_.text()) +
@@ -287,8 +295,15 @@ TEST_P(Churn, AffectsNobodyElseAndLosesNothing) {
       name_of(GetParam()), kills, halts, cuts, text(absent_s), text(world_away_s), steps, fades, grown_mb, verdict);
 }
 
-const Halves<ChurnCase> kCases = halves<ChurnCase>(
-    {{"fastdds"}, {"cyclonedds"}, {"mixed"}, {"fastdds", true}, {"cyclonedds", true}, {"mixed", true}}, 3);
+const Halves<ChurnCase> kCases = halves<ChurnCase>({{"fastdds"},
+                                                    {"cyclonedds"},
+                                                    {"mixed"},
+                                                    {"fastdds", true},
+                                                    {"cyclonedds", true},
+                                                    {"mixed", true},
+                                                    {"fastdds", false, true},
+                                                    {"cyclonedds", false, true}},
+                                                   3);
 std::string name_of_case(const ::testing::TestParamInfo<ChurnCase>& one) { return name_of(one.param); }
 INSTANTIATE_TEST_SUITE_P(Vendors, Churn, ::testing::ValuesIn(kCases.half), name_of_case);
 INSTANTIATE_TEST_SUITE_P(FullRealtime, Churn, ::testing::ValuesIn(kCases.other), name_of_case);
