@@ -96,7 +96,7 @@ write_basic_package_version_file(${CMAKE_BINARY_DIR}/SubworldConfigVersion.cmake
 install(FILES deploy/SubworldConfig.cmake deploy/installed_programs.cpp
               ${CMAKE_BINARY_DIR}/SubworldConfigVersion.cmake
         DESTINATION lib/cmake/Subworld COMPONENT development)
-install(DIRECTORY deploy/examples DESTINATION share/doc/subworld COMPONENT development)
+install(DIRECTORY deploy/examples DESTINATION share/doc/subworld/deploy COMPONENT development PATTERN *.md EXCLUDE)
 
 # Two packages of Debian: subworld, and subworld-dev. Libraries are found by dpkg-shlibdeps. What is started by its name,
 # and by some commands only, is recommended or suggested.
