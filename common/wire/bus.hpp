@@ -27,7 +27,7 @@ struct BusConfig {
   Mode mode = Mode::lockstep;
   std::vector<std::string> peers;  ///< hosts of the other programs; empty: this host, or as the settings say
   std::string interface_address;   ///< empty: as the settings say, else 127.0.0.1
-  std::string qos_file;            ///< vendor's settings; empty: its environment variable, else qos/ beside the program
+  std::string qos_file;            ///< vendor's settings; empty: its variable, /etc/subworld, else qos/ beside programs
   std::string secure;              ///< folder of keys; empty: no security
   double device_period_s = 0.001;  ///< for deadlines
   double cycle_s = 0.004;          ///< the longest cycle, for deadlines

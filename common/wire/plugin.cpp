@@ -197,7 +197,9 @@ Opening prepare(const BusConfig& config) {
   if (!config.secure.empty() && config.domain > kLastSecured)
     fail(fmt::format("--secure: keys hold for the domains 0 to {}; choose another --domain", kLastSecured));
   if (!config.secure.empty()) opening.keys = keys_of(config.secure, config.participant_name);
-  const auto beside = program_folder() / "qos" / (std::string(vendor.name) + ".xml");
+  // A file of the machine's administrator outlives an upgrade of the package.
+  const std::string file = std::string(vendor.name) + ".xml", own = "/etc/subworld/" + file;
+  const auto beside = program_folder() / "qos" / file;
   if (!config.qos_file.empty()) {
     if (access(config.qos_file.c_str(), R_OK) != 0) {
       fail(fmt::format("QoS file {}: {}; give a readable XML file of {}", config.qos_file, std::strerror(errno),
@@ -207,6 +209,8 @@ Opening prepare(const BusConfig& config) {
   } else if (!environment.empty()) {
     opening.settings_from_environment = true;
     opening.settings_file = environment;
+  } else if (access(own.c_str(), R_OK) == 0) {
+    opening.settings_file = own;
   } else if (access(beside.c_str(), R_OK) == 0) {
     opening.settings_file = beside.string();
   }

@@ -15,7 +15,7 @@ TEST_F(DebianPackage, RunsASceneInARootOfItsOwn) {
   ASSERT_EQ(made.code, 0) << made.out << made.err;
   const std::string script =
       "set -e; cd \"$0\"; dpkg-deb -x deb/subworld_*_*.deb unpacked; mkdir -p system/usr system/proc system/tmp "
-      "system/dev; "
+      "system/dev system/etc/subworld; cp unpacked/usr/lib/subworld/qos/fastdds.xml system/etc/subworld; "
       "for link in bin lib lib64; do ln -s usr/$link system/$link; done; "
       "mount -t overlay overlay -o lowerdir=unpacked/usr:/usr system/usr; mount --rbind /proc system/proc; "
       "mount --rbind /dev system/dev; [ -d system/usr/share/subworld/scenes ]; "
@@ -28,6 +28,7 @@ TEST_F(DebianPackage, RunsASceneInARootOfItsOwn) {
   EXPECT_EQ(ended.code, 0) << ended.err;
   const Json summary = Json::parse(read_text(folder_.path() + "/system/tmp/out/summary.json"), nullptr, false);
   EXPECT_EQ(summary["verdict"], "ok");
+  EXPECT_NE(summary.dump().find("settings=/etc/subworld/fastdds.xml"), std::string::npos) << "survives an upgrade";
 
   const Ended facts = finish({"/bin/sh", "-c", "dpkg-deb -f \"$0\"/subworld_*_*.deb", folder_.path() + "/deb"});
   for (const char* needed : {"libfastrtps2.9", "libddsc0debian", "libbullet", "gnuplot-nox"})
