@@ -34,8 +34,8 @@ struct VendorFacts {
 };
 
 constexpr std::array kVendors{
-    VendorFacts{Vendor::fastdds, "fastdds", "libfastrtps2.9"},
-    VendorFacts{Vendor::cyclonedds, "cyclonedds", "libddsc0debian"},
+    VendorFacts{Vendor::fastdds, "fastdds", FASTDDS_PACKAGE},
+    VendorFacts{Vendor::cyclonedds, "cyclonedds", CYCLONEDDS_PACKAGE},
 };
 
 const VendorFacts& facts(Vendor vendor) { return kVendors[static_cast<std::size_t>(vendor)]; }

@@ -229,7 +229,7 @@ std::vector<std::string> key_faults(const std::string& folder, const std::vector
     check(own, expired + "certificate.pem", "certificate.pem has expired");
     check(own, "verify -no_check_time -CAfile ../authority.pem certificate.pem",
           "certificate.pem is not of this authority");
-    check(own, fmt::format("x509 -noout -subject -in certificate.pem | grep -qx 'subject=CN = {}'", role),
+    check(own, fmt::format("x509 -noout -subject -in certificate.pem | grep -qxE 'subject=CN ?= ?{}'", role),
           fmt::format("certificate.pem is not that of {}", role));
     check(own, same_key("certificate.pem", "key.pem"), "key.pem does not belong to certificate.pem");
     check(own,

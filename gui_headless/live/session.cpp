@@ -59,7 +59,8 @@ std::string token_of(lws* request) {
   constexpr std::string_view kBearer = "Bearer ";
   const std::string header = header_of(request, WSI_TOKEN_HTTP_AUTHORIZATION);
   if (strncasecmp(header.c_str(), kBearer.data(), kBearer.size()) == 0) return header.substr(kBearer.size());
-  std::string query(static_cast<std::size_t>(lws_hdr_total_length(request, WSI_TOKEN_HTTP_URI_ARGS)) + 1, '\0');
+  // libwebsockets 4.3 needs room for two bytes more.
+  std::string query(static_cast<std::size_t>(lws_hdr_total_length(request, WSI_TOKEN_HTTP_URI_ARGS)) + 2, '\0');
   const char* token = lws_get_urlarg_by_name(request, "token=", query.data(), static_cast<int>(query.size()));
   return token != nullptr ? token : "";
 }

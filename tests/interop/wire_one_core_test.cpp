@@ -34,7 +34,7 @@ TEST(WireOneCore, the_one_that_spins_for_locks_is_never_raised) {
     const auto reader = bus->reader<Status>();
     EXPECT_EQ(threads_of(SCHED_FIFO), 0);
     raise_threads_since(before, priority::kMiddleware);
-    EXPECT_EQ(threads_of(SCHED_BATCH), 1);
+    EXPECT_GE(threads_of(SCHED_BATCH), 1);
     EXPECT_GE(threads_of(SCHED_FIFO), 3) << "those that receive and that keep time";
   }).join();
 }

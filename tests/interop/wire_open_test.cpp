@@ -60,7 +60,7 @@ TEST_P(WireOpen, a_missing_plugin_is_named) {
 TEST_P(WireOpen, a_plugin_that_cannot_be_loaded_names_the_package) {
   file(std::string("libsubworld_") + name_of(GetParam()) + ".so", "not a library");
   setenv("SUBWORLD_PLUGIN_DIR", folder_.c_str(), 1);
-  expect_error(config(), {"install the Debian package", GetParam() == Vendor::fastdds ? "libfastrtps" : "libddsc"});
+  expect_error(config(), {"install the Debian package", GetParam() == Vendor::fastdds ? "libfast" : "libddsc"});
   unsetenv("SUBWORLD_PLUGIN_DIR");
 }
 

@@ -31,7 +31,7 @@ TEST_F(DebianPackage, RunsASceneInARootOfItsOwn) {
   EXPECT_NE(summary.dump().find("settings=/etc/subworld/fastdds.xml"), std::string::npos) << "survives an upgrade";
 
   const Ended facts = finish({"/bin/sh", "-c", "dpkg-deb -f \"$0\"/subworld_*_*.deb", folder_.path() + "/deb"});
-  for (const char* needed : {"libfastrtps2.9", "libddsc0debian", "libbullet", "gnuplot-nox"})
+  for (const char* needed : {"libfast", "libddsc0", "libbullet", "gnuplot-nox"})
     EXPECT_NE(facts.out.find(needed), std::string::npos) << facts.out;
 }
 

@@ -23,6 +23,7 @@ namespace subworld {
 namespace {
 
 constexpr std::size_t kHelpWidth = 72;  ///< characters of a description's line
+constexpr const char* kHelp = "print this help and exit";
 
 /// A wrong command line, in words.
 struct Fault {
@@ -240,7 +241,7 @@ CommandLine::CommandLine(const std::string& name, const std::string& about) : im
         return fmt::format("{} {}{}{}", program, version_text(), more.empty() ? "" : "\n", more);
       },
       "print the version and exit");
-  impl_->app->set_help_flag("-h,--help", "print this help and exit");
+  impl_->app->set_help_flag("-h,--help", kHelp);
 }
 
 CommandLine::~CommandLine() = default;
@@ -250,6 +251,8 @@ Option CommandLine::add(const std::string& name, OptionTarget target, const std:
   data->target = target;
   data->name = name;
   data->what = what;
+  // CLI11 2.4 takes -h and --h for the same name.
+  if (name == "--h") impl_->app->set_help_flag("--help", kHelp);
   data->option = impl_->app->add_option(name, [data = data.get()](const CLI::results_t& given) {
     assign(*data, given);
     return true;

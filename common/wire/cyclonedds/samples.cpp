@@ -1,7 +1,7 @@
 // Cyclone has no public way to send ready-made CDR bytes of a foreign type, so this file defines its own "sertype" and
 // "serdata" with the library's internal interface. That interface belongs to one version:
 #include <dds/version.h>
-static_assert(DDS_VERSION_MAJOR == 0 && DDS_VERSION_MINOR == 10 && DDS_VERSION_PATCH == 2,
+static_assert(DDS_VERSION_MAJOR == 0 && DDS_VERSION_MINOR == 10 && DDS_VERSION_PATCH >= 2 && DDS_VERSION_PATCH <= 5,
               "ddsi_sertype and ddsi_serdata are internal: compare them with 0.10.2 before another version is used");
 
 #include "wire/cyclonedds/samples.hpp"

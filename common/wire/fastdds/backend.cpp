@@ -1,4 +1,4 @@
-// The Fast DDS back end, for 2.9.
+// The Fast DDS back end.
 
 #include "wire/backend.hpp"
 #include "wire/fastdds/endpoints.hpp"
@@ -6,17 +6,9 @@
 #include "wire/fastdds/qos.hpp"
 #include "wire/fastdds/settings.hpp"
 
-#include <sched.h>
-
-#include <fastrtps/attributes/LibrarySettingsAttributes.h>
-#include <fastrtps/config.h>
-#include <fastrtps/xmlparser/XMLProfileManager.h>
 #include <fastdds/dds/topic/ContentFilteredTopic.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 
-#include <algorithm>
-#include <cstdlib>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -25,41 +17,17 @@
 namespace subworld::wire::fast {
 namespace {
 
-/// The thread of this process that was started last: they are numbered in the order of their start.
-pid_t newest_thread() {
-  pid_t newest = 0;
-  std::error_code ignored;
-  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task", ignored))
-    newest = std::max(newest, std::atoi(entry.path().filename().c_str()));
-  return newest;
-}
-
-/// Keeps the thread that repeats samples from real-time priority, by the scheduling class for batch work. Fast DDS 2.9
-/// starts it as the last one of a participant. It spins while another thread holds the lock of the writer whose samples
-/// it repeats. With real-time priority, it would spin for ever on a core where that thread has a lower one.
-void lower_repeating_thread(pid_t newest_before) {
-  const pid_t newest = newest_thread();
-  const sched_param whenever{};
-  if (newest != newest_before) sched_setscheduler(newest, SCHED_BATCH, &whenever);
-}
-
 class FastBackend final : public Backend {
  public:
   FastBackend(const Opening& opening, EventSink& events) : events_(events), peers_(events) {
-    // All data goes over the network, so that a test in one process behaves as on two machines.
-    eprosima::fastrtps::LibrarySettingsAttributes library;
-    library.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
-    eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(library);
-
     factory_ = dds::DomainParticipantFactory::get_shared_instance();
-    const pid_t newest = newest_thread();
+    // All data goes over the network, so that a test in one process behaves as on two machines.
+    disable_intraprocess(*factory_);
     const std::lock_guard lock(numbers_mutex);
     const dds::DomainParticipantQos qos = participant_qos(*factory_, opening, route_, numbers);
     number_ = qos.wire_protocol().participant_id;
     numbers.insert(number_);  // the library keeps that of a participant which does not start
-    participant_ =
-        factory_->create_participant(static_cast<std::uint32_t>(opening.domain), qos, &peers_, dds::StatusMask::none());
-    lower_repeating_thread(newest);
+    participant_ = create_participant(*factory_, static_cast<std::uint32_t>(opening.domain), qos, peers_);
     if (participant_ == nullptr) {
       fail(fmt::format(
           "no participant in domain {} ({}): {}its ports are in use or its settings do not fit; choose another "
@@ -108,7 +76,7 @@ class FastBackend final : public Backend {
     dds::Topic*& topic = topics_[spec.name];
     if (topic == nullptr) {
       dds::TypeSupport type(new BytesType(spec));
-      if (type.register_type(participant_) == ReturnCode_t::RETCODE_OK) {
+      if (type.register_type(participant_) == kOk) {
         topic = participant_->create_topic(spec.name, spec.type, dds::TOPIC_QOS_DEFAULT);
       }
     }
@@ -145,4 +113,4 @@ extern "C" subworld::wire::Backend* subworld_open_backend(const subworld::wire::
                                                           subworld::wire::EventSink& events) {
   return new subworld::wire::fast::FastBackend(opening, events);
 }
-extern "C" const char* subworld_backend_version() { return FASTRTPS_VERSION_STR; }
+extern "C" const char* subworld_backend_version() { return subworld::wire::fast::kVersion; }

@@ -49,21 +49,21 @@ class FastWriter final : public BackendWriter, dds::DataWriterListener {
     sample_.sent = cdr;
     try {
       if (keeps_all_ && ++kept_ >= kMostKept) forget();
-      return writer_->write(&sample_);
+      return is_written(writer_->write(&sample_));
     } catch (const std::exception&) {
       return false;
     }
   }
 
   bool wait_for_acknowledgments(double timeout_s) noexcept override {
-    return writer_->wait_for_acknowledgments(duration(timeout_s)) == ReturnCode_t::RETCODE_OK;
+    return writer_->wait_for_acknowledgments(duration(timeout_s)) == kOk;
   }
 
  private:
   /// Without this, a history that stores all samples for late readers would grow without bound.
   void forget() {
     std::size_t removed = 0;
-    if (writer_->wait_for_acknowledgments(duration(0.0)) != ReturnCode_t::RETCODE_OK) return;
+    if (writer_->wait_for_acknowledgments(duration(0.0)) != kOk) return;
     writer_->clear_history(&removed);
     kept_ = 0;
   }
@@ -132,8 +132,8 @@ class FastReader final : public HoldingReader, dds::DataReaderListener {
         const ReturnCode_t code = reader->take_next_sample(&sample_, &info);
         // It gives up where another thread holds the reader's lock for long, as on a machine that was suspended. Nobody
         // calls again for the sample that waits.
-        if (code == ReturnCode_t::RETCODE_TIMEOUT) continue;
-        if (code != ReturnCode_t::RETCODE_OK) break;
+        if (code == kTimeout) continue;
+        if (code != kOk) break;
         taken = info.valid_data;
       }
       std::swap(sample_.received, cdr);

@@ -41,9 +41,9 @@ class KeyFilters final : public dds::IContentFilterFactory {
     for (KeyFilter& one : filters_) {
       if (std::string_view(one.type()) == type) filter = &one;
     }
-    return filter == nullptr ? ReturnCode_t::RETCODE_BAD_PARAMETER : ReturnCode_t::RETCODE_OK;
+    return filter == nullptr ? kBadParameter : kOk;
   }
-  ReturnCode_t delete_content_filter(const char*, dds::IContentFilter*) override { return ReturnCode_t::RETCODE_OK; }
+  ReturnCode_t delete_content_filter(const char*, dds::IContentFilter*) override { return kOk; }
 
   std::deque<KeyFilter> filters_;
 };

@@ -3,9 +3,6 @@
 #include "wire/backend.hpp"
 #include "wire/fastdds/vendor.hpp"
 
-#include <fastdds/dds/domain/DomainParticipant.hpp>
-#include <fastdds/dds/domain/DomainParticipantListener.hpp>
-
 #include <algorithm>
 #include <atomic>
 #include <map>
@@ -17,7 +14,7 @@
 namespace subworld::wire::fast {
 
 /// The programs of other participants, as discovery describes them.
-class FastPeers final : public dds::DomainParticipantListener {
+class FastPeers final : public ParticipantListener {
  public:
   explicit FastPeers(EventSink& events) : events_(events) {}
   /// Whether another program has taken over the UDP port of this participant. Then its program is dead, also where the
@@ -41,17 +38,18 @@ class FastPeers final : public dds::DomainParticipantListener {
     if (info.status == rtps::ParticipantAuthenticationInfo::UNAUTHORIZED_PARTICIPANT)
       events_.report(Event::refused, 1, kParticipant, kParticipant, "");
   }
-  void on_participant_discovery(dds::DomainParticipant*, rtps::ParticipantDiscoveryInfo&& found) override {
-    const std::uint64_t participant = number_of(found.info.m_guid.guidPrefix);
+  void on_participant_discovery(dds::DomainParticipant*, ParticipantDiscoveryStatus reason,
+                                const ParticipantBuiltinTopicData& info, bool&) override {
+    const std::uint64_t participant = number_of(info.guid.guidPrefix);
     const std::lock_guard lock(mutex_);
-    if (found.status == rtps::ParticipantDiscoveryInfo::REMOVED_PARTICIPANT ||
-        found.status == rtps::ParticipantDiscoveryInfo::DROPPED_PARTICIPANT) {
+    if (reason == ParticipantDiscoveryStatus::REMOVED_PARTICIPANT ||
+        reason == ParticipantDiscoveryStatus::DROPPED_PARTICIPANT) {
       replaced_.erase(participant);
       std::erase_if(owners_, [&](const auto& one) { return one.second == participant; });
       return;
     }
-    if (programs_.size() < kMostPrograms) programs_.try_emplace(participant, describe(found.info));
-    for (const rtps::Locator_t& port : found.info.metatraffic_locators.unicast) {
+    if (programs_.size() < kMostPrograms) programs_.try_emplace(participant, describe(info));
+    for (const rtps::Locator_t& port : info.metatraffic_locators.unicast) {
       const auto [owner, is_new] = owners_.try_emplace(port, participant);
       if (is_new || owner->second == participant) continue;
       replaced_.insert(std::exchange(owner->second, participant));
@@ -59,10 +57,10 @@ class FastPeers final : public dds::DomainParticipantListener {
     }
   }
 
-  static PeerProgram describe(const rtps::ParticipantProxyData& data) {
-    return describe_peer(data.m_participantName.to_string(), [&](const char* name) {
+  static PeerProgram describe(const ParticipantBuiltinTopicData& data) {
+    return describe_peer(data.participant_name.to_string(), [&](const char* name) {
       std::string value;
-      for (const auto& property : data.m_properties)
+      for (const auto& property : data.properties)
         if (property.first() == name) value = property.second();
       return value;
     });

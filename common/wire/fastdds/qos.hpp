@@ -3,9 +3,6 @@
 #include "wire/backend.hpp"
 #include "wire/fastdds/vendor.hpp"
 
-#include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
-#include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>
-
 namespace subworld::wire::fast {
 
 /// The policies that readers and writers share.
@@ -30,17 +27,9 @@ void apply(const Qos& from, EndpointQos& to) {
 
 /// Requests lost datagrams again after milliseconds, not after the default's seconds.
 inline void hurry(dds::DataWriterQos& qos, double repeat_s) {
-  auto& times = qos.reliable_writer_qos().times;
-  times.initialHeartbeatDelay = duration(0.001);
-  times.heartbeatPeriod = duration(repeat_s);
-  times.nackResponseDelay = duration(0.0);
-  times.nackSupressionDuration = duration(0.0);
+  set_times(qos, duration(0.001), duration(repeat_s), duration(0.0));
 }
 
-inline void hurry(dds::DataReaderQos& qos) {
-  auto& times = qos.reliable_reader_qos().times;
-  times.initialAcknackDelay = duration(0.005);
-  times.heartbeatResponseDelay = duration(0.001);
-}
+inline void hurry(dds::DataReaderQos& qos) { set_times(qos, duration(0.005), duration(0.001)); }
 
 }  // namespace subworld::wire::fast

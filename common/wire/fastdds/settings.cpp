@@ -5,10 +5,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastrtps/utils/IPLocator.h>
-#include <fastrtps/xmlparser/XMLProfileManager.h>
-
 #include <algorithm>
 #include <memory>
 #include <set>
@@ -16,8 +12,6 @@
 
 namespace subworld::wire::fast {
 namespace {
-
-using eprosima::fastdds::rtps::UDPv4TransportDescriptor;
 
 constexpr const char* kProfile = "subworld";
 // Fast DDS 2.9 may abort where a lease is checked while its participant leaves: run ends must not coincide with checks.
@@ -28,15 +22,13 @@ constexpr double kLease_s = 100.0;
 void load_settings(dds::DomainParticipantFactory& factory, const Opening& opening, dds::DomainParticipantQos& qos) {
   if (opening.settings_file.empty()) return;
   const std::string& file = opening.settings_file;
-  eprosima::fastrtps::xmlparser::XMLProfileManager::DeleteInstance();  // discards the file of an earlier bus
-  if (factory.load_XML_profiles_file(file) != ReturnCode_t::RETCODE_OK) {
+  const SettingsFile settings(factory, file);
+  if (!settings.valid()) {
     fail(fmt::format("{}: not a valid profile file; compare it with deploy/qos/fastdds.xml", file));
   }
   if (opening.settings_from_environment) {
-    // As the library does: the default profile, whatever its name.
-    factory.load_profiles();
-    factory.get_default_participant_qos(qos);
-  } else if (factory.get_participant_qos_from_profile(kProfile, qos) != ReturnCode_t::RETCODE_OK) {
+    settings.read_default(qos);
+  } else if (!settings.read(kProfile, qos)) {
     fail(fmt::format("{}: has no participant profile \"{}\"; compare it with deploy/qos/fastdds.xml", file, kProfile));
   }
 }

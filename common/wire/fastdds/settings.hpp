@@ -3,9 +3,6 @@
 #include "wire/backend.hpp"
 #include "wire/fastdds/vendor.hpp"
 
-#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
-#include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
-
 #include <set>
 #include <string>
 

@@ -3,9 +3,13 @@
 #include "model/error.hpp"
 #include "model/hash.hpp"
 
-#include <fastdds/rtps/common/Guid.h>
-#include <fastdds/rtps/common/Time_t.h>
-#include <fastrtps/types/TypesBase.h>
+// One of these two, as CMake found the library: what differs between the versions, with the same names.
+#ifdef SUBWORLD_FASTDDS_3
+#include "wire/fastdds/version_3.hpp"
+#else
+#include "wire/fastdds/version_2.hpp"
+#endif
+
 #include <fmt/core.h>
 #include <fastdds/dds/common/InstanceHandle.hpp>
 #include <fastdds/dds/core/policy/QosPolicies.hpp>
@@ -16,11 +20,6 @@
 
 /// What all files of this back end use.
 namespace subworld::wire::fast {
-
-namespace dds = eprosima::fastdds::dds;
-namespace rtps = eprosima::fastrtps::rtps;
-using eprosima::fastrtps::Duration_t;
-using eprosima::fastrtps::types::ReturnCode_t;
 
 inline constexpr int kMostKeys = 256;  // as many as `is_known_key` accepts
 
@@ -33,7 +32,7 @@ Entity* require(Entity* entity, const std::string& what) {
 }
 
 inline Duration_t duration(double seconds) {
-  if (std::isinf(seconds)) return eprosima::fastrtps::c_TimeInfinite;
+  if (std::isinf(seconds)) return c_TimeInfinite;
   const double whole = std::floor(seconds);
   return {static_cast<std::int32_t>(whole), static_cast<std::uint32_t>((seconds - whole) * 1e9)};
 }

@@ -277,7 +277,7 @@ std::vector<Plot> plots_of(const Rows& rows, const std::vector<Trace>& traces) {
   }
   std::map<std::pair<double, std::size_t>, std::vector<const Trace*>> by_latency_and_user;
   for (const Trace& trace : traces) {
-    if (trace.scene == rows.front().at("scene")) by_latency_and_user[{trace.latency_s, trace.user}].push_back(&trace);
+    if (rows.front().at("scene") == trace.scene) by_latency_and_user[{trace.latency_s, trace.user}].push_back(&trace);
   }
   for (const auto& [key, alike] : by_latency_and_user) {
     plots.push_back(felt_force(alike));

@@ -121,7 +121,7 @@ std::vector<Variant> variants_of(const Rows& rows) {
   std::vector<Variant> variants;
   for (const Json& row : rows) {
     const auto known = std::ranges::find_if(
-        variants, [&](const Variant& v) { return v.engine == row.at("engine") && v.preset == row.at("preset"); });
+        variants, [&](const Variant& v) { return row.at("engine") == v.engine && row.at("preset") == v.preset; });
     if (known != variants.end()) {
       known->rows.push_back(&row);
     } else {

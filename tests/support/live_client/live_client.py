@@ -332,9 +332,10 @@ async def token(address):
         answer = answer_to(address, upgrade(more=more, path=path))
         assert b" 401 " in answer and b"token" in answer and right.encode() not in answer, answer[:200]
     await (await Viewer.open(f"{address}/?token={right}")).socket.close()
+    is_old = int(websockets.version.version.split(".")[0]) < 14
     for scheme in ("Bearer", "bearer"):
-        headers = {"Authorization": f"{scheme} {right}"}
-        await (await websockets.connect(address, subprotocols=PROTOCOLS, extra_headers=headers)).close()
+        headers = {"extra_headers" if is_old else "additional_headers": {"Authorization": f"{scheme} {right}"}}
+        await (await websockets.connect(address, subprotocols=PROTOCOLS, **headers)).close()
 
 
 async def verdict(address):

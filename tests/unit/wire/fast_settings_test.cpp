@@ -4,12 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-
 namespace subworld::wire::fast {
 namespace {
-
-using eprosima::fastdds::rtps::UDPv4TransportDescriptor;
 
 constexpr const char* kSettings = R"(<?xml version="1.0" encoding="UTF-8"?>
 <dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
