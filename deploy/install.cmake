@@ -28,6 +28,8 @@ install(FILES deploy/python/subworld.py deploy/python/subworld_study.py deploy/p
 if(TARGET subworld_core)
   install(TARGETS subworld_core LIBRARY DESTINATION lib/python3/dist-packages COMPONENT programs OPTIONAL)
 endif()
+install(FILES deploy/python/study.yaml deploy/python/staircase.yaml
+        DESTINATION share/doc/subworld/deploy/python COMPONENT documentation)
 install(PROGRAMS deploy/python/study DESTINATION lib/subworld RENAME subworld_study COMPONENT programs)
 
 # Pages with their pictures, in the folders to which their links lead; and what the programs say of themselves.

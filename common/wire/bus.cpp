@@ -246,7 +246,7 @@ std::unique_ptr<wire::BackendReader> Observer::reader(const Bus& bus, std::size_
     void wake() noexcept override {}
   } unheard;
   wire::EndpointSpec spec = bus.impl_->spec(topic, partition);
-  spec.qos = {.depth = kNewestOfSeveral, .lease_s = spec.qos.lease_s};
+  spec.qos = {.depth = kNewestOfSeveral, .lease_s = kLongLease_s};  // matches the writers of both modes
   spec.events = &unheard;
   spec.transit.reset();
   return bus.impl_->backend->create_reader(spec);

@@ -1,6 +1,7 @@
 // The felt-force error of each scheme, also of one that is not part of Subworld, and the time of its steps. The
 // reference is a single world at the haptic step.
 #include "half_way.hpp"
+#include "io/options/scene_name.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 #include "model/error.hpp"
@@ -20,9 +21,9 @@ static void measure(Scene scene, const Scheme& scheme, int ratio, const FeltHist
 }
 
 int main(int argc, char** argv) try {
-  if (argc != 2) throw Error(ExitCode::usage, "usage: compare_schemes SCENE.yaml");
+  if (argc != 2) throw Error(ExitCode::usage, "usage: compare_schemes SCENE");
   add_scheme(half_way::kScheme);
-  Scene scene = load_scene(argv[1]);
+  Scene scene = load_scene(scene_file(argv[1]));
   keep_users(scene, 1);
   CoupledRun reference(in_one_world(scene));
   reference.run();

@@ -3,6 +3,7 @@
 #include "device_sim/device_guard.hpp"
 #include "device_sim/emulated_device.hpp"
 #include "haptic_sim/lockstep_order.hpp"
+#include "io/options/scene_name.hpp"
 #include "model/error.hpp"
 #include "world_sim/world.hpp"
 
@@ -47,8 +48,8 @@ static void simulate(const Scene& scene) {
 }
 
 int main(int argc, char** argv) try {
-  if (argc != 2) throw Error(ExitCode::usage, "usage: in_process SCENE.yaml");
-  Scene scene = load_scene(argv[1]);
+  if (argc != 2) throw Error(ExitCode::usage, "usage: in_process SCENE");
+  Scene scene = load_scene(scene_file(argv[1]));
   keep_users(scene, 1);
   scene.settings.disable(disabled(Optimisation::suppression));  // each cycle has a report and a frame
   simulate(scene);

@@ -1,5 +1,6 @@
 // An axis of a lab that no setting has: the mass of all bodies, times a factor. One row for each factor: how much force
 // the load needs, and the error and time of the coupling.
+#include "io/options/scene_name.hpp"
 #include "lab/session/coupled_run.hpp"
 #include "lab/session/metrics.hpp"
 #include "model/error.hpp"
@@ -31,8 +32,8 @@ static void measure(const Scene& scene, double factor) {
 }
 
 int main(int argc, char** argv) try {
-  if (argc < 3) throw Error(ExitCode::usage, "usage: load_axis SCENE.yaml FACTOR...");
-  Scene scene = load_scene(argv[1]);
+  if (argc < 3) throw Error(ExitCode::usage, "usage: load_axis SCENE FACTOR...");
+  Scene scene = load_scene(scene_file(argv[1]));
   keep_users(scene, 1);
   fmt::print("load,force_rms_n,rms_error_percent,haptic_step_p99_us\n");
   for (int i = 2; i < argc; ++i) {

@@ -133,15 +133,42 @@ std::string permissions(const Role& role, const std::string& from, const std::st
                      rule("subscribe", {"*"}, "*"));
 }
 
+const std::vector<std::string> kOfRole{"certificate.pem", "key.pem", "permissions.p7s"};
+
+/// Whether a folder has all of these files; one that was interrupted has not.
+bool is_complete(const files::path& folder, const std::vector<std::string>& names) {
+  return std::ranges::all_of(names, [&](const std::string& name) {
+    std::error_code ignored;
+    return files::file_size(folder / name, ignored) > 0 && !ignored;
+  });
+}
+
+bool is_encrypted(const files::path& all) {
+  std::ifstream file(all / "governance.p7s");
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  return text.find("rtps_protection_kind>ENCRYPT") != std::string::npos;
+}
+
 }  // namespace
+
+int users_with_keys(const std::string& folder) {
+  int users = 0;
+  while (is_complete(files::path(folder) / fmt::format("haptic_sim_{}", users), kOfRole)) ++users;
+  return users;
+}
 
 void make_keys(const KeysRequest& request) {
   if (request.folder.empty()) throw Error(ExitCode::usage, "names no folder for the keys");
   const files::path all = files::absolute(request.folder);
-  const bool adds = files::exists(all / "authority.pem");
-  if (adds && users_with_keys(all) >= request.users)
+  const bool adds = is_complete(all, {"authority.pem"}), governed = is_complete(all, {"governance.p7s"});
+  std::vector<Role> missing = roles(request.users);
+  std::erase_if(missing, [&](const Role& role) { return adds && is_complete(all / role.name, kOfRole); });
+  if (missing.empty())
     throw Error(ExitCode::usage, fmt::format("{}: has keys for {} users already; name another folder, or more users",
                                              all.string(), users_with_keys(all)));
+  if (adds && governed && is_encrypted(all) != request.encrypt)
+    throw Error(ExitCode::usage, fmt::format("{}: its keys were made {} --encrypt; do so again, or name another folder",
+                                             all.string(), is_encrypted(all) ? "with" : "without"));
   if (adds && !files::is_regular_file(all / "authority_key.pem"))
     throw Error(ExitCode::usage,
                 fmt::format("{}: has no authority_key.pem, which makes more keys; call this where the keys were made",
@@ -149,17 +176,15 @@ void make_keys(const KeysRequest& request) {
   umask(S_IRWXG | S_IRWXO);  // a key is the owner's alone
   files::create_directories(all);
   const std::string days = std::to_string(request.days);
-  if (!adds) {
+  if (!adds)
     must(all, fmt::format("{} -keyout authority_key.pem -out authority.pem -days {} -subj '/CN=Subworld authority'",
                           kNewKey, days));
-    sign(all, "governance", governance(request), "");
-  }
+  if (!adds || !governed) sign(all, "governance", governance(request), "");
   const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
   constexpr std::time_t kDay = 86'400;  // clocks of hosts may differ
   const auto text = [](std::time_t time) { return fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(time)); };
-  for (const Role& role : roles(request.users)) {
+  for (const Role& role : missing) {
     const files::path own = all / role.name;
-    if (files::exists(own)) continue;
     files::create_directories(own);
     must(own, fmt::format("{} -keyout key.pem -out certificate.pem -days {} -subj /CN={} -CA ../authority.pem -CAkey "
                           "../authority_key.pem",
@@ -168,12 +193,6 @@ void make_keys(const KeysRequest& request) {
     files::remove(own / "openssl.log");
   }
   files::remove(all / "openssl.log");
-}
-
-int users_with_keys(const std::string& folder) {
-  int users = 0;
-  while (files::exists(files::path(folder) / fmt::format("haptic_sim_{}", users))) ++users;
-  return users;
 }
 
 namespace {
@@ -185,7 +204,7 @@ void check_files(const files::path& folder, const std::vector<std::string>& name
     const files::file_status status = files::status(file);
     if (!files::is_regular_file(status) || access(file.c_str(), R_OK) != 0)
       faults.push_back(fmt::format("{}: is missing, or cannot be read", file.string()));
-    else if (name == "key.pem" &&
+    else if (name.ends_with("key.pem") &&
              (status.permissions() & (files::perms::group_all | files::perms::others_all)) != files::perms::none)
       faults.push_back(fmt::format("{}: others may read it; chmod 600", file.string()));
   }
@@ -215,15 +234,19 @@ std::vector<std::string> key_faults(const std::string& folder, const std::vector
   check(all, expired + "authority.pem", "authority.pem has expired");
   check(all, "smime -verify -text -in governance.p7s -CAfile authority.pem",
         "governance.p7s is not signed by this authority, or was changed");
-  if (files::is_regular_file(all / "authority_key.pem"))
+  for (const std::string& role : roles)
+    if (!files::is_directory(all / role)) faults.push_back(fmt::format("{}: has no keys of {}", all.string(), role));
+  if (files::is_regular_file(all / "authority_key.pem")) {
+    check_files(all, {"authority_key.pem"}, faults);
     check(all, same_key("authority.pem", "authority_key.pem"), "authority_key.pem does not belong to authority.pem");
+  }
   for (const auto& entry : files::directory_iterator(all)) {
     if (!entry.is_directory()) continue;
     const files::path& own = entry.path();
     const std::string role = own.filename().string();
     if (!roles.empty() && std::ranges::find(roles, role) == roles.end()) continue;
     const std::size_t before = faults.size();
-    check_files(own, {"certificate.pem", "key.pem", "permissions.p7s"}, faults);
+    check_files(own, kOfRole, faults);
     if (faults.size() > before || !check(own, readable + "certificate.pem", "certificate.pem is no certificate"))
       continue;
     check(own, expired + "certificate.pem", "certificate.pem has expired");

@@ -68,6 +68,10 @@ Correction correction_of(const CopyPair& pair, const Indicators&, const Settings
     return {world, sub};
   } catch (py::error_already_set& error) {
     raised = error.value();
+  } catch (const py::cast_error&) {
+    raised = py::module_::import("builtins")
+                 .attr("TypeError")(
+                     fmt::format("scheme {}: correction(owner, lag_cycles) must return two numbers", scheme.name));
   } catch (const std::exception& error) {
     raised = py::module_::import("builtins").attr("ValueError")(error.what());
   }
@@ -78,14 +82,19 @@ void add_python_scheme(const std::string& name, py::function correct, const std:
   Settings of_base;
   of_base.scheme = base;
   const Scheme& rest = scheme_of(of_base, "base");
-  if (std::ranges::any_of(schemes(), [&](const Scheme* one) { return one->properties.name == name; }))
-    throw Error(ExitCode::usage, fmt::format("there is a scheme {} already", name));
-  PythonScheme& added = python_schemes()[name];
+  const auto [at, is_new] = python_schemes().try_emplace(name);
+  if (!is_new) throw Error(ExitCode::usage, fmt::format("scheme \"{}\": there is one of this name already", name));
+  PythonScheme& added = at->second;
   added = {name, fmt::format("{} with a correction in Python", base), &rest, std::move(correct), rest};
   added.scheme.properties.name = added.name;
   added.scheme.properties.summary = added.summary;
   added.scheme.correction = correction_of;
-  add_scheme(added.scheme);
+  try {
+    add_scheme(added.scheme);
+  } catch (const Error&) {
+    python_schemes().erase(at);
+    throw;
+  }
 }
 
 Scene scene_of(const std::string& name, const Changes& settings, bool reference) {
@@ -128,6 +137,7 @@ class InProcess {
   void step() {
     if (run_.world.facts().over) throw Error(ExitCode::usage, "the run is over: time_s is its duration");
     run_.cycle();
+    if (over()) run_.close();  // the last reports count, as at the end of a run of the programs
     if (raised) throw_raised();
     if (!run_.finite()) throw Error(ExitCode::failed, fmt::format("a force is not finite at {} s", time_s()));
   }
@@ -136,7 +146,6 @@ class InProcess {
       step();
       if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     }
-    run_.close();
   }
   [[nodiscard]] double time_s() const { return run_.world.facts().time_s; }
   [[nodiscard]] bool over() const { return run_.world.facts().over; }
@@ -217,7 +226,7 @@ PYBIND11_MODULE(subworld_core, m) {
       .def_property_readonly("time_s", &InProcess::time_s, "Simulated time of the world, s.")
       .def_property_readonly("over", &InProcess::over)
       .def_property_readonly("h_s", &InProcess::h_s, "The haptic step, s.")
-      .def_property_readonly("state_hash", &InProcess::state_hash, "After finish(): that of `subworld run`.")
+      .def_property_readonly("state_hash", &InProcess::state_hash, "When the run is over: that of `subworld run`.")
       .def_property_readonly("bodies", &InProcess::bodies, "Names of the bodies.")
       .def("state", &InProcess::state, "body"_a,
            "State of a body in the world, in SI units; quaternions are w, x, y, z.")
@@ -254,6 +263,7 @@ PYBIND11_MODULE(subworld_core, m) {
   m.def(
       "add_scheme", add_python_scheme, "name"_a, "correction"_a, "base"_a = "reduced",
       "Adds a scheme, which is `base` with another correction: correction(owner, lag_cycles) returns by which parts of "
-      "their difference the copies of a body are moved, in the world and in the sub-world, 0 to 1 each. owner: "
+      "their difference the copies of a body are moved, in the world and in the sub-world, 0 to 1 each. lag_cycles: "
+      "age of the world's state, infinite where there is none yet. owner: "
       "\"world\" for a body, \"user\" for the proxy, \"peer\" for the proxy of another user.");
 }

@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -53,8 +53,12 @@ def words(scene, out, set=None, **flags) -> list:
         if value is not True:
             all_words.append(",".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value))
     for key, value in (set or {}).items():
-        all_words += ["--set", f"{key}={json.dumps(value) if isinstance(value, (bool, list, dict)) else value}"]
+        all_words += set_words(key, value)
     return all_words
+
+
+def set_words(key: str, value) -> list:
+    return ["--set", f"{key}={json.dumps(value) if isinstance(value, (bool, list, dict)) else value}"]
 
 
 @dataclass
@@ -63,7 +67,7 @@ class Result:
 
     folder: Path
     code: int
-    summary: dict
+    summary: dict = field(repr=False)
 
     @property
     def verdict(self) -> str:
@@ -109,7 +113,7 @@ class Run:
         limit = time.monotonic() + timeout_s
         while not (domain := re.search(r"domain (\d+), results in", self.log)):
             if not self.running or time.monotonic() > limit:
-                raise SubworldError(f"the run does not say its domain: {self.log[-400:]}")
+                raise SubworldError(f"the run does not say its domain: {self._fault()}")
             time.sleep(0.01)
         if not self.running:
             raise SubworldError("the run is over")
@@ -131,6 +135,10 @@ class Run:
 
         return subworld_core.Forces(self.domain(), user, **dict(zip((word[2:] for word in self._meeting[::2]), self._meeting[1::2])))
 
+    def _fault(self) -> str:
+        errors = [line for line in self.log.splitlines() if "error" in line]
+        return "\n".join(errors[-3:]) or self.log[-400:]
+
     def stop(self):
         """Ends the run in order; its results are kept."""
         if self.running:
@@ -141,8 +149,7 @@ class Run:
         code = self._process.wait(timeout_s)
         file = self.folder / "summary.json"
         if code not in (0, 4) or not file.exists():
-            errors = [line for line in self.log.splitlines() if "error" in line]
-            raise SubworldError("\n".join(errors[-3:]) or self.log[-400:] or f"ended with {code}, without results", code)
+            raise SubworldError(self._fault() or f"ended with {code}, without results", code)
         return Result(self.folder, code, json.loads(file.read_text(encoding="utf-8")))
 
 
@@ -179,6 +186,9 @@ def sweep(scene, axes: dict, out, repeats: int = 1, jobs: int = 1, measure=row_o
     `measure`: the columns of a row, from a Result.
     """
     base = settings.pop("set", None) or {}
+    for key, values in axes.items():
+        if isinstance(values, str) or not hasattr(values, "__iter__"):
+            raise ValueError(f"axes: {key}: must be a list of values, not {values!r}")
     cells = [dict(zip(axes, values)) for values in itertools.product(*axes.values())]
     cells = [(cell, repeat) for cell in cells for repeat in range(repeats)]
 
@@ -193,7 +203,10 @@ def sweep(scene, axes: dict, out, repeats: int = 1, jobs: int = 1, measure=row_o
             if result.verdict.startswith("stopped"):
                 raise SubworldError(f"{cell}: {result.verdict}; call the sweep again, and it goes on")
             note.write_text(asked, encoding="utf-8")  # only now: a run that was interrupted is run again
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        try:
+            summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError) as wrong:
+            raise SubworldError(f"{folder}/summary.json: {wrong}; remove {note}, and the run is made again") from wrong
         print(f"[{position + 1}/{len(cells)}] {cell}: {summary.get('verdict', '')[:80]}", file=sys.stderr)
         return {**cell, "repeat": repeat, "folder": str(folder), **measure(Result(folder, 0, summary))}
 
@@ -238,5 +251,5 @@ class Scene:
 
     def write(self, path) -> Path:
         """Writes the file; JSON is YAML too."""
-        Path(path).write_text(json.dumps(self._data, indent=1) + "\n", encoding="utf-8")
+        Path(path).write_text(json.dumps(self._data, indent=1, default=lambda one: one.tolist()) + "\n", encoding="utf-8")
         return Path(path)

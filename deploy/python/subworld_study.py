@@ -5,12 +5,15 @@ deploy/python/README.md describes the study's file. `subworld study` is this mod
 
 import argparse
 import csv
+import fcntl
 import json
 import math
 import os
 import random
 import re
 import shutil
+import signal
+import subprocess
 import sys
 import time
 import webbrowser
@@ -203,15 +206,23 @@ class Study:
                 refuse(f"questions: {name}: is the name of another column of the table")
             if ("answers" in question) == ("from" in question):
                 refuse(f"questions: {name}: has either answers, or from and to")
+            if "answers" in question and (not isinstance(question["answers"], list) or len(question["answers"]) < 2
+                                          or len(set(map(str, question["answers"]))) < len(question["answers"])):
+                refuse(f"questions: {name}: answers are a list of at least two different ones")
             if any(isinstance(one, bool) for one in question.get("answers", [])):
                 refuse(f'questions: {name}: put yes and no into quotes: answers: ["no", "yes"]')
             if "from" in question:
                 ends = [question["from"], question.get("to")]
                 if not all(isinstance(one, int) for one in ends) or ends[0] >= ends[1]:
                     refuse(f"questions: {name}: from and to are whole numbers, from < to")
+        for name, changes in (self.data.get("conditions") or {}).items():
+            if not isinstance(changes or {}, dict):
+                refuse(f"conditions.{name}: must be a list of KEY: VALUE")
         stairs = self.data.get("staircase")
-        if stairs is None:
+        if "staircase" not in self.data:
             return
+        if not isinstance(stairs, dict):
+            refuse("staircase: must be a list of KEY: VALUE")
         for key in stairs.keys() - STAIRCASE_KEYS:
             refuse(f"staircase.{key}: unknown key; there are {', '.join(sorted(STAIRCASE_KEYS))}")
         for key in ("parameter", "start", "lowest", "highest", "question"):
@@ -221,8 +232,9 @@ class Study:
             refuse(f"staircase.rule: choose one of {', '.join(RULES)}")
         numbers = {"slope": 3.5, "guess": 0.0, "step": 1.2, **stairs}
         for key in ("start", "lowest", "highest", "slope", "guess", "step"):
-            if isinstance(numbers[key], bool) or not isinstance(numbers[key], (int, float)):
-                refuse(f"staircase.{key}: {numbers[key]}: must be a number")
+            if (isinstance(numbers[key], bool) or not isinstance(numbers[key], (int, float))
+                    or not math.isfinite(numbers[key])):
+                refuse(f"staircase.{key}: {numbers[key]}: must be a finite number")
         if not 0 < stairs["lowest"] <= stairs["start"] <= stairs["highest"] or stairs["lowest"] == stairs["highest"]:
             refuse("staircase: 0 < lowest <= start <= highest must hold")
         if numbers["step"] <= 1 or numbers["slope"] <= 0 or not 0 <= numbers["guess"] < 0.9:
@@ -230,6 +242,21 @@ class Study:
         asked = [one for one in self.questions if one["name"] == stairs["question"] and len(one.get("answers", [])) == 2]
         if not asked:
             refuse(f"staircase.question: {stairs['question']}: is no question with two answers; the second means yes")
+
+    def changes(self, trial: "Trial", value=None) -> dict:
+        """Settings of a trial."""
+        stairs = self.data.get("staircase")
+        return {**(self.data.get("set") or {}), **trial.set, **({stairs["parameter"]: value} if stairs else {})}
+
+    def try_settings(self, trials: list, value):
+        """Raises StudyError for a scene or a setting that does not exist, before a person begins."""
+        for condition in {trial.condition: trial for trial in trials}.values():
+            words = [subworld.command(), "plan", str(self.data["scene"])]
+            for key, one in self.changes(condition, value).items():
+                words += subworld.set_words(key, one)
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise StudyError(f"{self.file}: {condition.condition}: {done.stderr.strip()}")
 
     def plan(self, participant: int) -> list:
         """The trials of a participant, always the same ones. In a staircase the value is set when it is known."""
@@ -259,7 +286,16 @@ class Table:
     def __init__(self, file: Path, columns: list):
         self._file, self._columns = file, columns
         self.rows = []
-        text = file.read_text(encoding="utf-8") if file.exists() else ""
+        # Two at once would run each trial twice.
+        self._lock = open(file, "a", encoding="utf-8")  # pylint: disable=consider-using-with
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as held:
+            raise StudyError(f"{file}: a study of this participant is under way; end it, or wait") from held
+        try:
+            text = file.read_text(encoding="utf-8")
+        except UnicodeDecodeError as wrong:
+            raise StudyError(f"{file}: is no table of a study: {wrong}") from wrong
         whole = text[: text.rfind("\n") + 1]
         if whole != text:  # the last row was cut off
             file.write_text(whole, encoding="utf-8")
@@ -268,8 +304,14 @@ class Table:
             if reader.fieldnames != columns:
                 raise StudyError(f"{file}: is of another study; name another folder with --out")
             self.rows = list(reader)
+            for line, row in enumerate(self.rows, 2):
+                if None in row or None in row.values():
+                    raise StudyError(f"{file}:{line}: is not whole; remove the line, and its trial is run again")
         else:
             self._append(columns)
+
+    def close(self):
+        self._lock.close()
 
     def add(self, row: dict):
         self._append([row.get(column, "") for column in self._columns])
@@ -320,12 +362,16 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
 
     `person` answers, a Terminal or a Page, unless there is an `observer`.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as wrong:
+        raise StudyError(f"--out {out}: {wrong.strerror}") from wrong
     names = [question["name"] for question in study.questions]
     table = Table(out / f"trials_{participant}.csv", COLUMNS + names)
-    answering = observer.name if observer else ""
+    answering = (observer.name if observer else "") + ("" if runs else " without runs")
     if any(row["observer"] != answering for row in table.rows):
-        raise StudyError(f"{out}: has answers of another observer, or of a person; name another folder with --out")
+        raise StudyError(f"{out}: has answers of another observer, of a person, or without runs; name another folder "
+                         "with --out")
     stairs = study.data.get("staircase")
     rule = RULES[stairs.get("rule", "quest")](**{"step": 1.2, **stairs}) if stairs else None
     yes = next(q["answers"][1] for q in study.questions if q["name"] == stairs["question"]) if stairs else None
@@ -339,13 +385,19 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
         if stairs:
             note(float(row["value"]), row[stairs["question"]])
     plan = study.plan(participant)
+    for row, trial in zip(table.rows, plan):
+        if not stairs and (row["condition"], row["set"]) != (trial.condition, json.dumps(study.changes(trial))):
+            raise StudyError(f"{study.file}: trial {trial.number} was {row['condition']} {row['set']}; the study has "
+                             "changed since: undo that, or name another folder with --out")
+    if runs:
+        study.try_settings(plan[len(table.rows) :], rule.value if rule else None)
     if observer:
         person = None
     if person and not table.rows and study.data.get("instructions"):
         person.confirm(study.data["instructions"])
     for trial in plan[len(table.rows) :]:
         value = rule.value if rule else ""
-        changes = {**(study.data.get("set") or {}), **trial.set, **({stairs["parameter"]: value} if stairs else {})}
+        changes = study.changes(trial, value)
         if observer and stairs:  # so that a study that goes on draws what it would have drawn
             observer = Observer(observer._threshold, observer._slope, trial.number + 1000 * participant)
         before = plan[trial.number - 1].block if trial.number else trial.block
@@ -386,6 +438,7 @@ def conduct(study: Study, participant: int, out: Path, observer: Observer = None
         # A person must not learn it.
         condition = "" if person else f" {trial.condition} {value}"
         print(f"[{trial.number + 1}/{len(plan)}]{condition}", file=sys.stderr)
+    table.close()
     if person:
         person.over()
     summary = {"trials": len(table.rows), "table": str(out / f"trials_{participant}.csv")}
@@ -441,6 +494,8 @@ def main(arguments=None) -> int:
     parser.add_argument("--observer-slope", type=positive, default=3.5, help="of the observer, Weibull (default: 3.5)")
     parser.add_argument("--no-runs", action="store_true", help="ask only, without running the scene: to try a staircase")
     given = parser.parse_args(arguments)
+    for one in (signal.SIGTERM, signal.SIGHUP):  # the run under way ends, too
+        signal.signal(one, signal.default_int_handler)
     try:
         study = Study.load(given.file)
         name = re.sub(r"[^\w-]", "_", str(study.data.get("name", study.file.stem)))

@@ -67,6 +67,12 @@ class Page:
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
 
+            def handle(self):
+                try:
+                    super().handle()
+                except ConnectionError:  # the browser has left, as at each reload
+                    pass
+
             def reply(self, code: int, kind: str = "text/plain", text: str = ""):
                 body = text.encode()
                 self.send_response(code)
@@ -94,7 +100,7 @@ class Page:
                 try:
                     came = json.loads(self.rfile.read(int(size)))
                     taken = page.take(came["number"], came["value"])
-                except (ValueError, TypeError, KeyError):
+                except (ValueError, TypeError, KeyError, RecursionError):
                     taken = False
                 return self.reply(200 if taken else 409)
 

@@ -280,6 +280,9 @@ TEST(Keys, FaultsAreNamed) {
   make_keys({.folder = keys.sound(), .users = 3});
   EXPECT_EQ(users_with_keys(keys.sound()), 3);
   EXPECT_EQ(files::last_write_time(first), made);
+  files::remove(keys.sound() / "device_sim_2/permissions.p7s");  // as one that was interrupted
+  EXPECT_THROW(make_keys({.folder = keys.sound(), .users = 3, .encrypt = true}), Error) << "they only sign";
+  make_keys({.folder = keys.sound(), .users = 3});
   EXPECT_EQ(key_faults(keys.sound()), std::vector<std::string>{});
 }
 

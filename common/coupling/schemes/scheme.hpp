@@ -49,7 +49,7 @@ struct Correction {
 /// The two copies of one body when they are made one.
 struct CopyPair {
   Owner owner = Owner::world;
-  double lag_cycles = 0.0;         ///< age of the world's state when the sub-world uses it
+  double lag_cycles = 0.0;         ///< age of the world's state when the sub-world uses it; infinite: it has none yet
   double report_lag_cycles = 0.0;  ///< age of the newest frame that the sub-world had used when it reported
   /// The tool has six degrees of freedom, and the sub-world holds no other user's proxy.
   bool turns_alone = false;
@@ -61,7 +61,7 @@ struct CopyPair {
 /// one folder beside this file and one row of the table in scheme.cpp.
 struct Scheme {
   SchemeProperties properties;
-  /// Pure: both processes feed it the same and correct alike.
+  /// Pure: both processes feed it the same and correct alike. It may throw nothing, and its parts are finite.
   Correction (*correction)(const CopyPair& pair, const Indicators& indicators, const Settings& settings) noexcept;
   std::unique_ptr<WorldSide> (*make_world_side)(const Scene& scene);
   /// Null without sub-worlds. `remembered_cycles`: how far back stamps are asked for.
@@ -73,7 +73,8 @@ struct Scheme {
 
 /// All there are, by name.
 [[nodiscard]] std::span<const Scheme* const> schemes();
-/// Adds one from outside this folder, which must live as long as the program; before any scene is loaded.
+/// Adds one from outside this folder, which must live as long as the program; before any scene is loaded. Throws
+/// `Error` (usage) for one without a name, with that of another one, or without one of its functions.
 void add_scheme(const Scheme& scheme);
 /// The one of the settings. Throws `Error` (usage) for an unknown name, naming `where` it stands and those that exist.
 [[nodiscard]] const Scheme& scheme_of(const Settings& settings, std::string_view where = "--scheme or settings.scheme");

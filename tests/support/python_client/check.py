@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Checks the Python modules: check.py WHAT FOLDER, with the build's programs."""
 
+import fcntl
 import math
 import os
 import re
@@ -77,6 +78,19 @@ def study(folder):
     expect(sum(",a," in line for line in lines) == 4, "conditions are not balanced")
     expect(all(",ok," in line for line in lines[1:]), "a trial has no verdict")
 
+    def refused(words, says):
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        expect(done.returncode == 2 and says in done.stderr, f"{says}: {done.returncode} {done.stderr}")
+
+    refused([*words, "--no-runs"], "without runs")
+    file.write_text(STUDY.replace("stiffness_n_m: 300", "stiffness_n_m: 400"))
+    refused(words, "has changed since")
+    file.write_text(STUDY.replace("stiffness_n_m: 300", "stifness_n_m: 300"))
+    refused([*words[:3], str(folder / "typo"), *words[4:]], "users.coupling.stifness_n_m")
+    with open(table, "a", encoding="utf-8") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        refused(words, "is under way")
+
 
 def mistakes(folder):
     """Study files that are wrong say so, before anything runs."""
@@ -88,6 +102,9 @@ def mistakes(folder):
         ({"questions": [{"name": "a", "text": "?", "from": 1}]}, "from and to"),
         ({"questions": [{"name": "a", "text": "?", "answers": [False, True]}]}, "quotes"),
         ({"conditions": None}, "either conditions"), ({"order": "x"}, "latin_square"), ({"sene": 1}, "unknown key"),
+        ({"questions": [{"name": "a", "text": "?", "answers": []}]}, "at least two"), ({"conditions": {"a": 7}}, "conditions.a"),
+        ({"conditions": None, "staircase": 5}, "staircase"),
+        ({"conditions": None, "staircase": {**stairs, "highest": math.inf}}, "finite"),
         ({"staircase": stairs}, "either conditions"), ({"staircase": {**stairs, "step": 1}}, "either conditions"),
     ]:
         data = {**right, **change}
@@ -127,6 +144,9 @@ def module(folder):
     expect(built.ok and len(built.tables.users[0]) > 50, built.verdict)
 
     with subworld.start("press", folder / "live", mode="lockstep", duration=600, dds="cyclonedds") as live:
+        reader, end = live.forces(), time.monotonic() + 30
+        while len(reader.take()) == 0:
+            expect(time.monotonic() < end, "no force in lock-step")
         expect("paused" in live.control("pause"), live.log)
         expect("resumed" in live.control("resume"), live.log)
     try:
@@ -144,6 +164,7 @@ def core(folder):
     here = subworld_core.InProcess("lift", settings)
     here.finish()
     there = subworld.run("lift", folder / "there", mode="lockstep", dds="cyclonedds", set=settings)
+    here.finish()  # has no effect any more
     expect(here.state_hash == there.summary["state_hash"], f"{here.state_hash}: another result than that of the programs")
     for user in (0, 1):
         table = there.tables.users[user]

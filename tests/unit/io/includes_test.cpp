@@ -30,7 +30,7 @@ const std::map<std::string, Names> kMayInclude{
     {"haptic_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "haptic_sim"}},
     {"device_sim", {"model", "physics", "coupling", "wire", "rt", "io", "program", "plugin", "device_sim"}},
     {"gui_headless", {"model", "physics", "coupling", "wire", "rt", "io", "program", "gui_headless"}},
-    {"examples", {"examples", "model", "physics", "coupling", "wire", "world_sim", "haptic_sim", "device_sim"}},
+    {"examples", {"examples", "model", "physics", "coupling", "wire", "io", "world_sim", "haptic_sim", "device_sim"}},
     {"deploy", {"model", "physics", "coupling", "wire", "rt", "io", "report", "device_sim", "deploy"}},
 };
 
