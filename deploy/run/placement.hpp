@@ -25,11 +25,15 @@ struct Placement {
   }
 };
 
+/// What keys cost a user's programs in a haptic step, by vendor: measured with `heap` and two users.
+inline constexpr double kFastKeys_s = 100e-6, kCycloneKeys_s = 45e-6;
+
 /// A core of its own for the world, in real time; several where its engine shares its steps. The world computes for
 /// milliseconds at a time, and loops with a higher priority that share its core pre-empt it in each of their periods.
 /// Nothing is placed where the other cores have less room than the users' programs need; their loops use half of their
-/// budgets on average.
-[[nodiscard]] Placement place(const Scene& scene, std::span<const int> cores);
+/// budgets on average. `keys_s`: what keys cost a user's programs in a haptic step. A core that real-time threads fill
+/// is taken from them for 50 ms in each second.
+[[nodiscard]] Placement place(const Scene& scene, std::span<const int> cores, double keys_s = 0.0);
 
 /// Largest budget of a user's haptic step in real time, as a part of it, where all programs share `cores` cores: half
 /// of what device, middleware and the rest of the haptic step leave, divided among the users. The other half is left to

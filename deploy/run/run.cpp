@@ -171,7 +171,10 @@ class Run {
     calibration_ = measure_machine(run_.scene.settings);
     // Of several runs at a time only the first is placed: two worlds must not share one core.
     const int error = request_.place ? cores_claim_.take_file(kCoresLock) : EWOULDBLOCK;
-    if (error == 0) plan_.placement = run_.placement = place(run_.scene, allowed_cores());
+    const double keys_s = request_.options.network.secure.empty() ? 0.0
+                          : request_.dds == "fastdds"             ? kFastKeys_s
+                                                                  : kCycloneKeys_s;
+    if (error == 0) plan_.placement = run_.placement = place(run_.scene, allowed_cores(), keys_s);
     share_steps(request_.options, run_.scene, run_.placement);
     if (error != 0 && error != EWOULDBLOCK)
       fmt::print(

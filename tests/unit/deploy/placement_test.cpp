@@ -50,6 +50,9 @@ TEST(Placement, NothingIsPlacedWhereTheHapticLoopsNeedAllCores) {
   EXPECT_TRUE(place(scene_for(3), kTwo).world.empty());
   EXPECT_TRUE(place(scene_for(8), kFour).of("haptic_sim").empty());
   EXPECT_TRUE(place(scene_for(1), std::vector<int>{0}).world.empty());
+  EXPECT_TRUE(place(scene_for(2), kTwo, kFastKeys_s).world.empty());
+  EXPECT_FALSE(place(scene_for(2), kTwo, kCycloneKeys_s).world.empty());
+  EXPECT_FALSE(place(scene_for(1), kTwo, kFastKeys_s).world.empty());
 }
 
 TEST(Placement, BudgetsShareTheCores) {
