@@ -35,7 +35,8 @@ double core_share(const Scene& scene) {
 Placement place(const Scene& scene, std::span<const int> cores, double keys_s) {
   if (scene.settings.mode != Mode::realtime || cores.size() < 2) return {};
   double wanted = 0.0;
-  for (const UserSpec& user : scene.users) wanted += 0.5 * user.budget_ratio + core_share(scene) + keys_s / scene.settings.h_s;
+  for (const UserSpec& user : scene.users)
+    wanted += 0.5 * user.budget_ratio + core_share(scene) + keys_s / scene.settings.h_s;
   if (wanted > static_cast<double>(cores.size() - 1)) return {};
   // An engine that shares its steps gets what the others leave.
   const EngineSettings& engine = scene.settings.world;
