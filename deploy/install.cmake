@@ -28,17 +28,35 @@ install(FILES deploy/python/subworld.py deploy/python/subworld_study.py deploy/p
 if(TARGET subworld_core)
   install(TARGETS subworld_core LIBRARY DESTINATION lib/python3/dist-packages COMPONENT programs OPTIONAL)
 endif()
-install(FILES deploy/python/study.yaml deploy/python/staircase.yaml
-        DESTINATION share/doc/subworld/deploy/python COMPONENT documentation)
 install(PROGRAMS deploy/python/study DESTINATION lib/subworld RENAME subworld_study COMPONENT programs)
 
-# Pages with their pictures, in the folders to which their links lead; and what the programs say of themselves.
+# Pages with their pictures and the sources that they name, in the folders to which their links lead; and what the programs
+# say of themselves.
 file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} CONFIGURE_DEPENDS
      common/*.md deploy/*.md device_sim/*.md gui_headless/*.md gui_headless/*.png haptic_sim/*.md tests/*.md world_sim/*.md)
 list(FILTER pages EXCLUDE REGEX node_modules)
-foreach(page README.md CHANGELOG.md CONTRIBUTING.md LICENSE ${pages})
-  get_filename_component(folder ${page} DIRECTORY)
-  install(FILES ${page} DESTINATION share/doc/subworld/${folder} COMPONENT documentation)
+list(APPEND pages README.md CHANGELOG.md CONTRIBUTING.md)
+file(GLOB documents RELATIVE ${PROJECT_SOURCE_DIR} CONFIGURE_DEPENDS deploy/examples/* deploy/python/*.yaml)
+foreach(page ${pages})
+  list(APPEND documents ${page})
+  if(page MATCHES "\\.md$")
+    get_filename_component(folder ${page} DIRECTORY)
+    file(READ ${page} text)
+    string(REGEX MATCHALL "\\([A-Za-z0-9_./@-]+" links "${text}")
+    foreach(link ${links})
+      string(SUBSTRING ${link} 1 -1 link)
+      cmake_path(ABSOLUTE_PATH link BASE_DIRECTORY ${PROJECT_SOURCE_DIR}/${folder} NORMALIZE)
+      if(EXISTS ${link} AND NOT IS_DIRECTORY ${link})
+        file(RELATIVE_PATH link ${PROJECT_SOURCE_DIR} ${link})
+        list(APPEND documents ${link})
+      endif()
+    endforeach()
+  endif()
+endforeach()
+list(REMOVE_DUPLICATES documents)
+foreach(document ${documents})
+  get_filename_component(folder ${document} DIRECTORY)
+  install(FILES ${document} DESTINATION share/doc/subworld/${folder} COMPONENT documentation)
 endforeach()
 foreach(tool ${tools})
   get_target_property(name ${tool} OUTPUT_NAME)
@@ -98,7 +116,6 @@ write_basic_package_version_file(${CMAKE_BINARY_DIR}/SubworldConfigVersion.cmake
 install(FILES deploy/SubworldConfig.cmake deploy/installed_programs.cpp
               ${CMAKE_BINARY_DIR}/SubworldConfigVersion.cmake
         DESTINATION lib/cmake/Subworld COMPONENT development)
-install(DIRECTORY deploy/examples DESTINATION share/doc/subworld/deploy COMPONENT development PATTERN *.md EXCLUDE)
 
 # Two packages of Debian: subworld, and subworld-dev. Libraries are found by dpkg-shlibdeps. What is started by its name,
 # and by some commands only, is recommended or suggested.

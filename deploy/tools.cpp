@@ -41,7 +41,8 @@ void become(const std::string& name, char** arguments) {
   const std::string program = (program_folder() / name).string();
   execv(program.c_str(), arguments);
   throw Error(ExitCode::failed,
-              fmt::format("{}: cannot start ({}); build it with deploy/build", program, std::strerror(errno)));
+              fmt::format("{}: cannot start ({}); build it with deploy/build, or install Subworld again", program,
+                          std::strerror(errno)));
 }
 
 }  // namespace subworld

@@ -5,9 +5,13 @@
 #include "model/error.hpp"
 
 #include <fmt/core.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 
 namespace subworld {
 
@@ -35,6 +39,15 @@ int check_device(const std::string& name, const DriverCheckRequest& request) {
   fmt::print("subworld: checking {} for {} s; move the device meanwhile. Its force is zero.\n", name,
              request.duration_s);
   std::fflush(stdout);
+  // The driver runs in a process of its own, so that one that crashes has a verdict, too.
+  if (const pid_t child = fork(); child > 0) {
+    int status = 0;
+    while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
+    if (WIFEXITED(status)) return WEXITSTATUS(status);
+    fmt::print("subworld: verdict: the driver crashes: {}\n", strsignal(WTERMSIG(status)));
+    return static_cast<int>(ExitCode::quality);
+  }
   const auto properties = check_driver(plugin, request);
   for (const DriverProperty& one : properties)
     fmt::print("  {}: {}: {}\n", one.name, one.found, one.held ? "ok" : "MISSED");

@@ -122,9 +122,15 @@ void read_temporary_folder(Machine& machine) {
     machine.bad_temporary_folder = folder;
 }
 
+/// A command of a checkout, as a cure there or of an installation.
+std::string built_by(const std::string& command) {
+  const bool is_build = files::exists(program_folder().parent_path() / "CMakeCache.txt");
+  return is_build ? command : fmt::format("# install Subworld again, from a checkout after: {}", command);
+}
+
 InstalledPart program_part(const std::string& name) {
   const std::string file = (program_folder() / name).string();
-  InstalledPart part{.name = name, .version = {}, .fault = {}, .cure = "deploy/build demo"};
+  InstalledPart part{.name = name, .version = {}, .fault = {}, .cure = built_by("deploy/build demo")};
   if (access(file.c_str(), X_OK) == 0) part.version = first_line_of(shell_word(file) + " --version 2>&1");
   if (part.version.empty()) {
     part.fault = fmt::format("{} does not exist or does not start", file);
@@ -138,7 +144,7 @@ InstalledPart program_part(const std::string& name) {
 template <class Read>
 InstalledPart loaded_part(const std::string& name, const char* variable, const std::string& install, Read read) {
   InstalledPart part{.name = name};
-  part.cure = std::getenv(variable) != nullptr ? fmt::format("unset {}", variable) : install;
+  part.cure = std::getenv(variable) != nullptr ? fmt::format("unset {}", variable) : built_by(install);
   try {
     part.version = read();
   } catch (const Error& wrong) {

@@ -1,6 +1,7 @@
 #include "process/process_test.hpp"
 
 #include <filesystem>
+#include <regex>
 
 namespace subworld::test {
 namespace {
@@ -67,6 +68,18 @@ TEST_F(Installed, RunsASceneByItsNameWithoutTheCheckout) {
   EXPECT_TRUE(fs::exists(out() + "/picture.png"));
   // The vendor's settings are those beside the programs.
   EXPECT_NE(summary().dump().find(place_ + "/lib/subworld/qos/fastdds.xml"), std::string::npos);
+}
+
+TEST_F(Installed, HasWhatItsPagesLinkTo) {
+  static const std::regex kLink(R"(\]\(([^)#:\s]+)[)#])");
+  int found = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(place_ + "/share/doc/subworld")) {
+    if (entry.path().extension() != ".md") continue;
+    const std::string text = read_text(entry.path());
+    for (std::sregex_iterator link(text.begin(), text.end(), kLink), end; link != end; ++link, ++found)
+      EXPECT_TRUE(fs::exists(entry.path().parent_path() / (*link)[1].str())) << entry.path() << ": " << (*link)[1];
+  }
+  EXPECT_GT(found, 100);
 }
 
 TEST_F(Installed, NamesTheLicencesOfAllItsParts) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -34,6 +35,7 @@ class FaultyDriver final : public DeviceDriver {
     if (is("strict_blocks") && reads_ == 300) std::this_thread::sleep_for(std::chrono::milliseconds(60));
     if ((is("throws") || is("strict_throws")) && half) throw std::runtime_error("unplugged");
     if (is("throws_a_number") && half) throw 1;
+    if (is("crashes") && half) std::abort();
     if (is("slow") && reads_ % 4 != 0) return false;
     if (is("mute")) return false;
     constexpr double kRadius_m = 0.02, kRate_rad_s = 6.0;

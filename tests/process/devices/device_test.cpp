@@ -222,6 +222,14 @@ TEST_F(Devices, AnInverse3ThatIsNotThereIsNamed) {
   EXPECT_NE(checked.out.find("start it, or name another address or port"), std::string::npos) << checked.out;
 }
 
+TEST_F(Devices, TheCheckOfADriverThatCrashesEndsWith4) {
+  const Ended ended =
+      finish({program("subworld"), "device", "check", "faulty", "--device-settings", "crashes", "--duration", "1"},
+             {{"SUBWORLD_DEVICES", TEST_DEVICES_FOLDER}});
+  EXPECT_EQ(ended.code, 4) << ended.out;
+  EXPECT_NE(ended.out.find("verdict: the driver crashes: Aborted"), std::string::npos) << ended.out;
+}
+
 TEST_F(Devices, TheCheckOfAFaultyDriverEndsWith4) {
   const Ended ended = finish(
       {program("subworld"), "device", "check", "faulty", "--device-settings", "millimetres", "--duration", "0.5"},
