@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -31,10 +30,9 @@ bool is_lab(std::string_view name) { return is_among(kLabs, name); }
 
 std::string first_line_of(const std::string& command) {
   const std::unique_ptr<std::FILE, decltype([](std::FILE* pipe) { pclose(pipe); })> pipe(popen(command.c_str(), "re"));
-  std::array<char, 256> line{};
-  if (!pipe || std::fgets(line.data(), line.size(), pipe.get()) == nullptr) return {};
-  const std::string text = line.data();
-  return text.substr(0, text.find('\n'));
+  std::string line;
+  for (int c = 0; pipe && (c = std::fgetc(pipe.get())) != EOF && c != '\n';) line += static_cast<char>(c);
+  return line;
 }
 
 void become(const std::string& name, char** arguments) {

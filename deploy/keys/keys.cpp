@@ -222,6 +222,7 @@ std::vector<std::string> key_faults(const std::string& folder, const std::vector
   std::vector<std::string> faults;
   if (!files::is_directory(folder)) return {fmt::format("{}: is no folder; `subworld keys make` makes one", folder)};
   const files::path all = files::absolute(folder);
+  if (!holds(all, "command -v openssl")) return {"openssl is missing, which checks keys; install the package openssl"};
   check_files(all, {"authority.pem", "governance.p7s"}, faults);
   if (!faults.empty()) return faults;
   const auto check = [&](const files::path& where, const std::string& words, const std::string& what) {

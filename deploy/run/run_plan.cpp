@@ -141,7 +141,8 @@ void check_secure(const RunPlan& plan) {
     roles += "," + program.label();
   });
   const std::string tool = (program_folder() / "subworld_keys").string();
-  if (access(tool.c_str(), X_OK) != 0) return;  // of a checkout where it was not built yet
+  const bool can_check = access(tool.c_str(), X_OK) == 0 && !first_line_of("command -v openssl").empty();
+  if (!can_check) return;  // the vendors have libraries of their own
   const std::string fault =
       first_line_of(fmt::format("{} check {} --role {} 2>&1", shell_word(tool), shell_word(folder), roles));
   if (!fault.ends_with("nothing is wrong"))

@@ -60,13 +60,12 @@ class Dialogue {
 
   /// Sends an empty line. False where the command has ended.
   [[nodiscard]] bool ask() const { return child_ > 0 && send(end_, "\n", 1, MSG_NOSIGNAL) == 1; }
-  /// Its next line; nothing where none comes within ten seconds.
-  [[nodiscard]] std::optional<std::string> answer() const {
-    constexpr int kPatience_ms = 10'000;
+  /// Its next line; nothing where none comes in time.
+  [[nodiscard]] std::optional<std::string> answer(int patience_ms = 10'000) const {
     std::string line;
     for (char c = 0;;) {
       pollfd answer{.fd = end_, .events = POLLIN, .revents = 0};
-      if (poll(&answer, 1, kPatience_ms) != 1 || read(end_, &c, 1) != 1) return std::nullopt;
+      if (poll(&answer, 1, patience_ms) != 1 || read(end_, &c, 1) != 1) return std::nullopt;
       if (c == '\n') return line;
       line += c;
     }
@@ -92,14 +91,16 @@ DistantHost::DistantHost(const SessionHost& plan, const std::string& folder_here
       folder_(fmt::format("out/sessions/{}/{}",
                           std::filesystem::absolute(folder_here).parent_path().parent_path().filename().string(),
                           plan.name)) {
-  // A checkout, an installation, or an installation of the system. Prints the last folder that was looked at, too.
+  // Prints the working folder, that of the programs, and whether they are there: of a checkout, of an installation, or
+  // of the system's.
   const std::string cd = plan.folder.empty() ? "{ cd subworld 2>/dev/null || :; }" : "cd " + shell_word(plan.folder);
   const Dialogue there(by_ssh(
       fmt::format("{{ {} && for p in \"$PWD\"/build/release/bin \"$PWD\"/lib/subworld /usr/local/lib/subworld "
                   "/usr/lib/subworld; do test -x \"$p\"/world_sim && break; done; }}; echo \"$PWD\"; echo \"$p\"; "
                   "test -x \"$p\"/world_sim && echo yes || echo no",
                   cd)));
-  const std::optional<std::string> work = there.answer(), programs = there.answer(), found = there.answer();
+  constexpr int kLogin_ms = 60'000;
+  const std::optional<std::string> work = there.answer(kLogin_ms), programs = there.answer(), found = there.answer();
   if (!found)
     throw Error(ExitCode::failed, fmt::format("host {}: no connection to {}; this must work without a question: {}",
                                               plan.name, plan.ssh, by_ssh("true")));

@@ -87,6 +87,9 @@ TEST_F(Control, ASecuredRunNeedsAllKeysAndOneVendor) {
   const Ended mixed = run(scene("press"), {"--dds", "mixed", "--secure", keys});
   EXPECT_EQ(mixed.code, 2);
   EXPECT_NE(mixed.err.find("use one vendor"), std::string::npos) << mixed.err;
+  const Ended without_openssl =
+      run(scene("press"), {"--secure", keys, "--duration", "0.1"}, {{"PATH", folder_.path()}});
+  EXPECT_EQ(without_openssl.code, 0) << without_openssl.err;
   const std::string key = keys + "/device_sim_0/key.pem", other = keys + "/haptic_sim_0/key.pem";
   std::filesystem::copy_file(other, key, std::filesystem::copy_options::overwrite_existing);
   const Ended swapped = run(scene("press"), {"--secure", keys});
