@@ -80,7 +80,7 @@ INSTANTIATE_TEST_SUITE_P(Vendors, SecuredRun, ::testing::Values("fastdds", "cycl
                          [](const auto& one) { return one.param; });
 
 TEST_F(Control, ASecuredRunNeedsAllKeysAndOneVendor) {
-  const std::string keys = folder_.path() + "/keys";
+  const std::string keys = folder_.path() + "/" + std::string(240, 'k');
   ASSERT_EQ(finish({program("subworld"), "keys", "make", keys}).code, 0);
   EXPECT_EQ(finish({program("subworld"), "keys", "make", keys}).code, 2) << "it overwrites none";
   EXPECT_EQ(finish({program("subworld"), "keys", "check", keys}).code, 0);
