@@ -2,8 +2,10 @@
 
 #include "io/results/output.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "wire/bus.hpp"
 #include "wire/plugin.hpp"
+#include "wire/topics.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/core.h>
@@ -56,23 +58,32 @@ constexpr const char* kHead = R"(<?xml version="1.0" encoding="utf-8"?>
 // Cyclone DDS refuses a higher number.
 constexpr const char* kDomains = "<domains><id_range><min>0</min><max>230</max></id_range></domains>";
 
-std::string governance(const KeysRequest& request) {
+std::string governance(const std::vector<std::string>& encrypted) {
+  const auto topic_rule = [](const std::string& topic, const char* data) {
+    return fmt::format(R"(<topic_rule><topic_expression>{}</topic_expression>
+<enable_discovery_protection>true</enable_discovery_protection>
+<enable_liveliness_protection>true</enable_liveliness_protection>
+<enable_read_access_control>true</enable_read_access_control>
+<enable_write_access_control>true</enable_write_access_control>
+<metadata_protection_kind>NONE</metadata_protection_kind>
+<data_protection_kind>{}</data_protection_kind></topic_rule>
+)",
+                       topic, data);
+  };
+  const bool all = encrypted == std::vector<std::string>{kAllTopics};
+  std::string rules;
+  for (const std::string& topic : encrypted)
+    if (!all) rules += topic_rule(topic, "ENCRYPT");
   return fmt::format(kHead, "governance") + fmt::format(R"(<domain_access_rules><domain_rule>{0}
 <allow_unauthenticated_participants>false</allow_unauthenticated_participants>
 <enable_join_access_control>true</enable_join_access_control>
 <discovery_protection_kind>{1}</discovery_protection_kind>
 <liveliness_protection_kind>{1}</liveliness_protection_kind>
 <rtps_protection_kind>{1}</rtps_protection_kind>
-<topic_access_rules><topic_rule><topic_expression>*</topic_expression>
-<enable_discovery_protection>true</enable_discovery_protection>
-<enable_liveliness_protection>true</enable_liveliness_protection>
-<enable_read_access_control>true</enable_read_access_control>
-<enable_write_access_control>true</enable_write_access_control>
-<metadata_protection_kind>NONE</metadata_protection_kind>
-<data_protection_kind>NONE</data_protection_kind>
-</topic_rule></topic_access_rules></domain_rule></domain_access_rules></dds>
+<topic_access_rules>{2}</topic_access_rules></domain_rule></domain_access_rules></dds>
 )",
-                                                        kDomains, request.encrypt ? "ENCRYPT" : "SIGN");
+                                                        kDomains, all ? "ENCRYPT" : "SIGN",
+                                                        rules + topic_rule("*", "NONE"));
 }
 
 /// Topics that a role publishes: those of the whole run, and those of one user, in a partition.
@@ -143,13 +154,34 @@ bool is_complete(const files::path& folder, const std::vector<std::string>& name
   });
 }
 
-bool is_encrypted(const files::path& all) {
+std::vector<std::string> encrypted_topics(const files::path& all) {
   std::ifstream file(all / "governance.p7s");
   const std::string text{std::istreambuf_iterator<char>(file), {}};
-  return text.find("rtps_protection_kind>ENCRYPT") != std::string::npos;
+  if (text.find("rtps_protection_kind>ENCRYPT") != std::string::npos) return {kAllTopics};
+  std::vector<std::string> topics = topic_names();
+  std::erase_if(topics, [&](const std::string& topic) {
+    return text.find("topic_expression>" + topic + "<") == std::string::npos;
+  });
+  return topics;
+}
+
+/// In the order of topic_names(), each once.
+std::vector<std::string> in_order(const std::vector<std::string>& encrypt) {
+  const auto asked = [&](const std::string& topic) { return std::ranges::count(encrypt, topic) > 0; };
+  if (asked(kAllTopics)) return {kAllTopics};
+  std::vector<std::string> topics = topic_names();
+  std::erase_if(topics, [&](const std::string& topic) { return !asked(topic); });
+  return topics;
 }
 
 }  // namespace
+
+std::vector<std::string> topic_names() {
+  std::vector<std::string> names;
+  for (const TopicSpec& topic : kTopics) names.emplace_back(topic.name);
+  names.emplace_back(kSharedDeviceState.name);
+  return names;
+}
 
 int users_with_keys(const std::string& folder) {
   int users = 0;
@@ -166,9 +198,11 @@ void make_keys(const KeysRequest& request) {
   if (missing.empty())
     throw Error(ExitCode::usage, fmt::format("{}: has keys for {} users already; name another folder, or more users",
                                              all.string(), users_with_keys(all)));
-  if (adds && governed && is_encrypted(all) != request.encrypt)
-    throw Error(ExitCode::usage, fmt::format("{}: its keys were made {} --encrypt; do so again, or name another folder",
-                                             all.string(), is_encrypted(all) ? "with" : "without"));
+  const std::vector<std::string> encrypted = in_order(request.encrypt), before = encrypted_topics(all);
+  if (adds && governed && encrypted != before)
+    throw Error(ExitCode::usage,
+                fmt::format("{}: its keys were made {}; do so again, or name another folder", all.string(),
+                            before.empty() ? "without --encrypt" : "with --encrypt " + joined(before, ",")));
   if (adds && !files::is_regular_file(all / "authority_key.pem"))
     throw Error(ExitCode::usage,
                 fmt::format("{}: has no authority_key.pem, which makes more keys; call this where the keys were made",
@@ -179,7 +213,7 @@ void make_keys(const KeysRequest& request) {
   if (!adds)
     must(all, fmt::format("{} -keyout authority_key.pem -out authority.pem -days {} -subj '/CN=Subworld authority'",
                           kNewKey, days));
-  if (!adds || !governed) sign(all, "governance", governance(request), "");
+  if (!adds || !governed) sign(all, "governance", governance(encrypted), "");
   const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
   constexpr std::time_t kDay = 86'400;  // clocks of hosts may differ
   const auto text = [](std::time_t time) { return fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(time)); };

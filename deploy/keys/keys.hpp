@@ -9,9 +9,15 @@ namespace subworld {
 struct KeysRequest {
   std::string folder;
   int users = 1;
-  int days = 365;        ///< for which the keys are valid
-  bool encrypt = false;  ///< also hide what is sent; else only prove by whom
+  int days = 365;  ///< for which the keys are valid
+  /// Topics whose contents are also hidden, or kAllTopics: all that is sent, discovery included. Each message of each
+  /// topic is signed.
+  std::vector<std::string> encrypt = {};
 };
+inline constexpr const char* kAllTopics = "all";
+
+/// The topics that may be encrypted one by one.
+[[nodiscard]] std::vector<std::string> topic_names();
 
 /// Makes an authority, a certificate with a key for each role of a run, and the signed documents that say what is
 /// protected and what each role may publish. In a folder with keys, makes those of further users. Uses the program

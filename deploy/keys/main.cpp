@@ -17,7 +17,13 @@ int main_of(int argc, char** argv) {
   make.add("folder", &request.folder, "folder for the keys").required();
   make.add("--users", &request.users, "users of the run").range(1, 64);
   make.add("--days", &request.days, "days for which the keys are valid").range(1, 36500);
-  make.flag("--encrypt", request.encrypt, "also hide what is sent; else the keys only prove by whom");
+  std::vector<std::string> topics = topic_names();
+  topics.insert(topics.begin(), kAllTopics);
+  make.add("--encrypt", &request.encrypt,
+           "topics whose contents are also hidden, separated by commas; else the keys only prove who has sent a message")
+      .one_of(topics)
+      .implies(kAllTopics)
+      .otherwise("none");
   CommandLine& check = line.command("check", "Names what is wrong with the keys of a folder");
   check.add("folder", &request.folder, "folder of the keys").required();
   std::vector<std::string> roles;
@@ -26,6 +32,7 @@ int main_of(int argc, char** argv) {
       "Examples:\n"
       "  subworld keys make keys --users 2\n"
       "  subworld keys make keys --users 4  # adds two\n"
+      "  subworld keys make hidden --encrypt device_state,device_command\n"
       "  subworld keys check keys\n"
       "  subworld run heap --secure keys");
   if (const auto code = line.parse(argc, argv)) return *code;

@@ -97,7 +97,7 @@ class Run:
 
     def __exit__(self, *_):
         self.stop()
-        self.wait()
+        self._process.wait()
 
     @property
     def running(self) -> bool:
@@ -145,8 +145,11 @@ class Run:
             self._process.terminate()
 
     def wait(self, timeout_s: float = None) -> Result:
-        """The result. Raises SubworldError where there is none, and subprocess.TimeoutExpired."""
-        code = self._process.wait(timeout_s)
+        """The result. Raises SubworldError where there is none, also of a run that goes on after `timeout_s`."""
+        try:
+            code = self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            raise SubworldError(f"the run has not ended within {timeout_s} s") from None
         file = self.folder / "summary.json"
         if code not in (0, 4) or not file.exists():
             raise SubworldError(self._fault() or f"ended with {code}, without results", code)
@@ -163,10 +166,12 @@ def start(scene, out=None, **settings) -> Run:
 def run(scene, out=None, timeout_s: float = None, **settings) -> Result:
     """Runs a scene, a file or the name of a scene of Subworld, and returns the result.
 
-    `out`: folder of the results; default: a new temporary one. `settings`: the flags of `subworld run` by their names
+    `out`: folder of the results; default: a new temporary one. `timeout_s`: after which the run is stopped, and
+    SubworldError raised; default: never. `settings`: the flags of `subworld run` by their names
     (mode="lockstep", duration=0.5, scheme="paper"), and set={KEY: VALUE} for any setting of the scene file.
     """
-    return start(scene, out, **settings).wait(timeout_s)
+    with start(scene, out, **settings) as started:
+        return started.wait(timeout_s)
 
 
 def row_of(result: Result) -> dict:

@@ -32,13 +32,36 @@ struct Request {
   int ros_domain = 0;
   std::vector<int> driven;  ///< users
   int first_port = 47800;   ///< of the device udp of user 0
+  double rate_hz = 1000.0;  ///< of wrenches and poses, at most
+};
+
+/// Lets messages pass at a mean rate, Hz. Those of 10 ms may come at once.
+class RateLimit {
+ public:
+  explicit RateLimit(double rate_hz) : period_(1.0 / rate_hz), ahead_(std::max(period_, kAtOnce)) {}
+  bool passes() {
+    const Instant now = SteadyClock::now();
+    next_ = std::max(next_, now + period_ - ahead_);
+    if (now < next_) return false;
+    next_ += period_;
+    return true;
+  }
+
+ private:
+  using Seconds = std::chrono::duration<double>;
+  using Instant = std::chrono::time_point<SteadyClock, Seconds>;
+  static constexpr Seconds kAtOnce{0.01};
+  Seconds period_, ahead_;
+  Instant next_{};
 };
 
 /// A user's force and pose for ROS 2, and the poses of ROS 2 for the user's device `udp`.
 class UserBridge {
  public:
-  UserBridge(const Bus& bus, Ros& ros, int user, std::optional<int> port)
-      : commands_(bus, device_partition(user)),
+  UserBridge(const Bus& bus, Ros& ros, int user, double rate_hz, std::optional<int> port)
+      : wrench_rate_(rate_hz),
+        pose_rate_(rate_hz),
+        commands_(bus, device_partition(user)),
         states_(bus, device_partition(user)),
         wrenches_(ros.writer<ros2::WrenchStamped>(topic(user, "wrench"))),
         poses_(ros.writer<ros2::PoseStamped>(topic(user, "pose"))) {
@@ -58,10 +81,12 @@ class UserBridge {
   /// Returns whether the run is over for this user.
   bool pass() {
     while (commands_.take(command_))
-      wrenches_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(command_.wrench.force),
-                       ros2::to_ros(command_.wrench.torque)});
+      if (wrench_rate_.passes())
+        wrenches_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(command_.wrench.force),
+                         ros2::to_ros(command_.wrench.torque)});
     while (states_.take(state_))
-      poses_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(state_.pose.position, state_.pose.orientation)});
+      if (pose_rate_.passes())
+        poses_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(state_.pose.position, state_.pose.orientation)});
     if (moves_) drive();
     return command_.last;
   }
@@ -90,6 +115,7 @@ class UserBridge {
     }
   }
 
+  RateLimit wrench_rate_, pose_rate_;
   Watched<DeviceCommand> commands_;
   Watched<DeviceState> states_;
   Ros::Writer<ros2::WrenchStamped> wrenches_;
@@ -229,7 +255,7 @@ void bridge(const Request& request) {
   std::deque<UserBridge> users;
   for (int user = 0; user < scene.settings.users; ++user) {
     const bool driven = std::ranges::find(request.driven, user) != request.driven.end();
-    users.emplace_back(*bus, ros, user, driven ? std::optional(request.first_port + user) : std::nullopt);
+    users.emplace_back(*bus, ros, user, request.rate_hz, driven ? std::optional(request.first_port + user) : std::nullopt);
   }
   fmt::print("subworld ros2: domain {} for ROS 2, of the run {}; {} users\n", request.ros_domain,
              request.options.network.domain, users.size());
@@ -258,6 +284,7 @@ int main_of(int argc, char** argv) {
   add_dds(line, request.options.network.dds, {"fastdds", "cyclonedds"});
   add_domain(line, request.options.network.domain);
   line.add("--ros-domain", &request.ros_domain, "domain of ROS 2: its ROS_DOMAIN_ID").range(0, 232);
+  line.add("--rate", &request.rate_hz, "wrenches and poses of each user, at most").range(1.0, 1000.0, "Hz");
   line.add("--drive", &driven, "users whose device `udp` follows subworld/user_U/command_pose, separated by commas")
       .check([](const std::string& text) {
         const bool number = !text.empty() && text.find_first_not_of("0123456789,") == std::string::npos;

@@ -203,6 +203,10 @@ class Run {
           programs.start(supervised(*host, program, host->plan().dds.empty() ? vendor : host->plan().dds));
       }
     });
+    if (request_.ros_domain >= 0) {
+      const auto command = [&](bool) { return plan_.ros2(); };
+      programs.start({.label = "ros2", .log = out() + "/logs/ros2.log", .command = command, .essential = false});
+    }
     Watchdog watchdog;
     show_progress(watchdog);
     PageOpener open_page(live(), request_.page);

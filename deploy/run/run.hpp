@@ -16,6 +16,7 @@ struct RunRequest {
   int domain = -1;              ///< -1: the first that no other run holds
   bool gui = false;             ///< also start the display, which writes a picture
   bool page = false;            ///< also serve the page, and open it in a browser
+  int ros_domain = -1;          ///< of ROS 2, to which the run is shown; -1: to none
   bool place = true;            ///< in real time: give the world a core of its own, where there is room
   bool explain = false;         ///< also print the result in plain words
   Restart restart = Restart::never;

@@ -14,8 +14,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <iterator>
 #include <map>
+#include <string_view>
 #include <utility>
 
 namespace subworld {
@@ -103,6 +105,28 @@ std::vector<std::string> RunPlan::flags_of(const Host& host, const RunProgram& p
   std::ranges::move(own_flags_of(options, program.name, program.user), std::back_inserter(flags));
   if (!is_placed_by_hand(program.name)) add("--core", to_text(placement.of(program.name)));
   return flags;
+}
+
+Command RunPlan::ros2() const {
+  Command command{(program_folder() / "subworld_ros2").string(), settings_flags_of(request.options)};
+  const auto add = [&](const char* flag, std::string value) {
+    command.arguments.insert(command.arguments.end(), {flag, std::move(value)});
+  };
+  add("--ros-domain", std::to_string(request.ros_domain));
+  add("--domain", std::to_string(session.domain));
+  add("--dds", vendor_of(session.dds, 0));
+  // Users with the device `udp` follow ROS 2.
+  std::vector<std::string> driven;
+  for (int user = 0; session.runs({"haptic_sim", user}); ++user) {
+    if (std::ranges::count(device_flags_of(request.options, user), "udp") > 0) driven.push_back(std::to_string(user));
+  }
+  if (driven.empty()) return command;
+  add("--drive", joined(driven, ","));
+  constexpr std::string_view kPort = "port=";
+  const std::string& settings = request.options.device_settings;
+  if (const std::size_t at = settings.find(kPort); at != std::string::npos)
+    add("--port", std::to_string(std::atoi(&settings[at + kPort.size()]) - std::stoi(driven.front())));
+  return command;
 }
 
 std::vector<std::string> RunPlan::peers_of(const SessionHost& host) const {

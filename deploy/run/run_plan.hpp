@@ -31,6 +31,8 @@ struct RunPlan {
   /// The arguments of a program on a host.
   [[nodiscard]] std::vector<std::string> flags_of(const Host& host, const RunProgram& program,
                                                   const std::string& vendor) const;
+  /// The program that shows the run to ROS 2, from this host.
+  [[nodiscard]] Command ros2() const;
   /// With which the launcher listens to the run on one of its hosts.
   [[nodiscard]] Network network_of(const SessionHost& host) const;
 

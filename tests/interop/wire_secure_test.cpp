@@ -182,6 +182,13 @@ class Repeater {
     return repeated;
   }
   [[nodiscard]] bool permitted() const { return heard_ >= 0; }
+  /// Whether a message since the last call has these bytes.
+  bool sees(std::uint64_t mark) {
+    bool seen = false;
+    for (ssize_t size = 0; (size = recv(heard_, packet_.data(), packet_.size(), MSG_DONTWAIT)) > 0;)
+      seen |= memmem(packet_.data(), static_cast<std::size_t>(size), &mark, sizeof mark) != nullptr;
+    return seen;
+  }
 
  private:
   int heard_;
@@ -193,9 +200,10 @@ class Repeater {
 
 class WireSecure : public ::testing::TestWithParam<Vendor> {
  protected:
-  [[nodiscard]] std::unique_ptr<Bus> open(const std::string& program) const {
+  [[nodiscard]] std::unique_ptr<Bus> open(const std::string& program) const { return open(program, keys_.sound()); }
+  [[nodiscard]] std::unique_ptr<Bus> open(const std::string& program, const files::path& keys) const {
     BusConfig config = test::config_of(GetParam(), kDomain);
-    config.secure = keys_.sound().string();
+    config.secure = keys.string();
     config.participant_name = program;
     return open_bus(config);
   }
@@ -254,6 +262,36 @@ TEST_P(WireSecure, OnlyTheDeviceIsHeardAsTheDevice) {
   }
 }
 
+// All is signed; what the governance names is encrypted, too.
+TEST_P(WireSecure, HidesTheTopicsThatAreToBeHidden) {
+  constexpr std::uint64_t kMark = 0x5375'6277'6f72'6c64;
+  Repeater listener;
+  if (!listener.permitted()) GTEST_SKIP() << "needs the right to read packets";
+  const files::path hidden = keys_.path("hidden");
+  make_keys({.folder = hidden, .users = 1, .encrypt = {"device_state"}});
+  for (const files::path& keys : {keys_.sound(), hidden}) {
+    const auto haptic = open("haptic_sim 0", keys), device = open("device_sim 0", keys);
+    auto states = haptic->reader<DeviceState>(device_partition(0));
+    auto writer = device->writer<DeviceState>(device_partition(0));
+    auto commands = device->reader<DeviceCommand>(device_partition(0));
+    auto answers = haptic->writer<DeviceCommand>(device_partition(0));
+    const auto met = [](const auto& reader, const auto& of) { return reader.matched() == 1 && of.matched() == 1; };
+    ASSERT_TRUE(until(*haptic, [&] { return met(states, writer) && met(commands, answers); })) << keys;
+    DeviceState sent, state;
+    sent.sender = kMark;
+    (void)listener.sees(kMark);  // discovery fills its buffer
+    writer.write(sent);
+    ASSERT_TRUE(until(*haptic, [&] { return states.take(state) == Take::sample; })) << keys;
+    EXPECT_EQ(state.sender, kMark);
+    EXPECT_EQ(listener.sees(kMark), keys == keys_.sound()) << keys;
+    DeviceCommand answer, command;
+    answer.served = kMark;
+    answers.write(answer);
+    ASSERT_TRUE(until(*device, [&] { return commands.take(command) == Take::sample; })) << keys;
+    EXPECT_TRUE(listener.sees(kMark)) << "device_command is not to be hidden: " << keys;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Vendors, WireSecure, ::testing::Values(Vendor::fastdds, Vendor::cyclonedds),
                          [](const auto& info) { return std::string(name_of(info.param)); });
 
@@ -281,7 +319,8 @@ TEST(Keys, FaultsAreNamed) {
   EXPECT_EQ(users_with_keys(keys.sound()), 3);
   EXPECT_EQ(files::last_write_time(first), made);
   files::remove(keys.sound() / "device_sim_2/permissions.p7s");  // as one that was interrupted
-  EXPECT_THROW(make_keys({.folder = keys.sound(), .users = 3, .encrypt = true}), Error) << "they only sign";
+  for (const char* encrypt : {kAllTopics, "device_state"})
+    EXPECT_THROW(make_keys({.folder = keys.sound(), .users = 3, .encrypt = {encrypt}}), Error) << "they only sign";
   make_keys({.folder = keys.sound(), .users = 3});
   EXPECT_EQ(key_faults(keys.sound()), std::vector<std::string>{});
 }

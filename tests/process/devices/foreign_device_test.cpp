@@ -52,19 +52,14 @@ TEST_P(ForeignDevice, OfRos2FeelsTheRunAndDrivesAUser) {
       "  - {name: bob, shape: sphere, radius_m: 0.02, mass_kg: 0.5, material: plain, position_m: [0, "
       "1.01987, 0.20199]}\njoints:\n  - {name: pivot, type: hinge, bodies: [bob, wall], at_m: [0, 1, 0.3], axis: "
       "[1, 0, 0]}\nusers:");
-  const std::string bridged = folder_.path() + "/bridge", peers = folder_.path() + "/peer";
-  for (const std::string& made : {bridged, peers}) std::filesystem::create_directory(made);
+  const std::string peers = folder_.path() + "/peer";
+  std::filesystem::create_directory(peers);
   Process process(run_words(press, {"--mode", "realtime", "--duration", "1000", "--dds", GetParam(), "--device", "udp",
-                                    "--device-settings", udp_settings(port)}),
+                                    "--device-settings", udp_settings(port), "--ros2", ros.text()}),
                   folder_.path());
-  Process bridge({program("subworld"), "ros2", press, "--domain", domain_.text(), "--dds", GetParam(), "--ros-domain",
-                  ros.text(), "--drive", "0", "--port", std::to_string(port)},
-                 bridged);
   Process peer({program("ros2_peer"), ros.text()}, peers,
                {{"CYCLONEDDS_URI", std::string("file://") + SOURCE_FOLDER + "/tests/interop/foreign_device.xml"}});
   EXPECT_EQ(peer.wait(), 0) << peer.err();
-  bridge.signal(SIGTERM);
-  EXPECT_EQ(bridge.wait(), 0) << bridge.err();
   process.signal(SIGTERM);
   EXPECT_EQ(process.wait(), 0) << process.err();
   std::istringstream words(peer.out());
