@@ -82,7 +82,8 @@ void add_run(CommandLine& line, RunWords& words) {
             "on a desktop");
   add_live_options(line, request.options.live,
                    "also start the display, and serve the run to Lichtblick and Foxglove on this TCP port");
-  line.add("--ros2", &request.ros_domain, "also show the run to ROS 2 on its domain, as `subworld ros2` does; usually 0")
+  line.add("--ros2", &request.ros_domain,
+           "also show the run to ROS 2 on its domain, as `subworld ros2` does; usually 0")
       .range(0, 232)
       .otherwise("no");
   add_device_options(line, request.options);

@@ -19,8 +19,9 @@ int main_of(int argc, char** argv) {
   make.add("--days", &request.days, "days for which the keys are valid").range(1, 36500);
   std::vector<std::string> topics = topic_names();
   topics.insert(topics.begin(), kAllTopics);
-  make.add("--encrypt", &request.encrypt,
-           "topics whose contents are also hidden, separated by commas; else the keys only prove who has sent a message")
+  make.add(
+          "--encrypt", &request.encrypt,
+          "topics whose contents are also hidden, separated by commas; else the keys only prove who has sent a message")
       .one_of(topics)
       .implies(kAllTopics)
       .otherwise("none");

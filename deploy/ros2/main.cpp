@@ -255,7 +255,8 @@ void bridge(const Request& request) {
   std::deque<UserBridge> users;
   for (int user = 0; user < scene.settings.users; ++user) {
     const bool driven = std::ranges::find(request.driven, user) != request.driven.end();
-    users.emplace_back(*bus, ros, user, request.rate_hz, driven ? std::optional(request.first_port + user) : std::nullopt);
+    users.emplace_back(*bus, ros, user, request.rate_hz,
+                       driven ? std::optional(request.first_port + user) : std::nullopt);
   }
   fmt::print("subworld ros2: domain {} for ROS 2, of the run {}; {} users\n", request.ros_domain,
              request.options.network.domain, users.size());
