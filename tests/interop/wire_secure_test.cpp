@@ -262,6 +262,57 @@ TEST_P(WireSecure, OnlyTheDeviceIsHeardAsTheDevice) {
   }
 }
 
+template <class M>
+void publish(Bus& bus, const std::string& partition) {
+  (void)bus.writer<M>(partition);
+}
+struct Publication {
+  const char* topic;
+  std::string partition;
+  void (*open)(Bus& bus, const std::string& partition);
+  std::vector<std::string> by;  ///< the only roles that may
+};
+const std::vector<std::string> kEveryone{"world_sim",    "gui_headless", "subworld control", "haptic_sim 0",
+                                         "haptic_sim 1", "device_sim 0", "device_sim 1"};
+const std::vector<Publication> kPublications = [] {
+  std::vector<Publication> all{{"scene", "", publish<SceneDescription>, {"world_sim"}},
+                               {"world_state", "", publish<WorldSnapshot>, {"world_sim"}},
+                               {"control", "", publish<Control>, {"gui_headless", "subworld control"}},
+                               {"control_reply", "", publish<ControlReply>, kEveryone},
+                               {"status", "", publish<Status>, kEveryone}};
+  for (const int user : {0, 1}) {
+    const std::string haptic = "haptic_sim " + std::to_string(user), device = "device_sim " + std::to_string(user);
+    all.push_back({"world_frame", user_partition(user), publish<WorldFrame>, {"world_sim"}});
+    all.push_back({"haptic_report", user_partition(user), publish<HapticReport>, {haptic}});
+    all.push_back({"device_command", device_partition(user), publish<DeviceCommand>, {haptic}});
+    all.push_back({"device_state", device_partition(user), publish<DeviceState>, {device}});
+    all.push_back({"shared_device_state",
+                   device_partition(user),
+                   [](Bus& bus, const std::string& partition) { (void)bus.shared_device_writer(partition, kShared_s); },
+                   {device}});
+  }
+  return all;
+}();
+
+TEST_P(WireSecure, EachRolePublishesItsTopicsOnly) {
+  for (const std::string& role : kEveryone) {
+    const auto bus = open(role);
+    for (const Publication& one : kPublications) {
+      const std::string what = role + " publishes " + one.topic + " in \"" + one.partition + "\"";
+      std::string refused;
+      try {
+        one.open(*bus, one.partition);
+      } catch (const Error& error) {
+        refused = error.what();
+      }
+      const bool may = std::ranges::find(one.by, role) != one.by.end();
+      EXPECT_EQ(refused.empty(), may) << what << ": " << refused;
+      EXPECT_TRUE(may || refused.find(std::string("no writer of ") + one.topic) != std::string::npos)
+          << what << ": " << refused;
+    }
+  }
+}
+
 // All is signed; what the governance names is encrypted, too.
 TEST_P(WireSecure, HidesTheTopicsThatAreToBeHidden) {
   constexpr std::uint64_t kMark = 0x5375'6277'6f72'6c64;
