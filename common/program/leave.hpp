@@ -1,11 +1,32 @@
 #pragma once
 
+#include "rt/cyclic.hpp"
+#include "rt/stop.hpp"
+#include "wire/await.hpp"
+
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <thread>
 
 namespace subworld {
+
+inline constexpr double kArrives_s = 5.0;      ///< that a message may take on a busy machine
+inline constexpr double kArrivesSoon_s = 0.5;  ///< the same where nobody waits for it
+
+/// Waits until a peer has acknowledged what `writer` has sent, as long as it lives, and at most `longest_s` from `begin`
+/// on. Who asks to stop waits for no one.
+template <class M>
+void await_arrival(Writer<M>& writer, const StatusBeacon& status, const Peer& peer, TimePoint begin,
+                   double longest_s = kArrives_s) {
+  constexpr double kLook_s = 0.05;
+  const auto waits = [&] {
+    return to_seconds(Clock::now() - begin) < (stop_signal() == 0 ? longest_s : kArrivesSoon_s) &&
+           status.hears(peer.program, peer.instance) && !status.has_ended(peer.program, peer.instance);
+  };
+  while (!writer.wait_for_acknowledgments(kLook_s) && waits()) {
+  }
+}
 
 /// Lets a process end without taking its middleware apart, after a run that the world has ended. Where many
 /// participants leave a domain together, Fast DDS 2.9 may stop for ever in those that see the others leave: its thread

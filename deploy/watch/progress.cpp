@@ -17,7 +17,7 @@ namespace subworld {
 
 namespace {
 
-constexpr int kCallsPerLine = 50;   ///< where lines are not rewritten
+constexpr int kCallsPerLine = 50, kFirstLine = 10;  ///< of ten calls a second, where lines are not rewritten
 constexpr double kSlow = 0.9;       ///< real-time factor below which the remaining time is shown
 constexpr double kStalled_s = 3.0;  ///< a loop in lock-step names after 2 s the peer that it waits for
 
@@ -86,7 +86,7 @@ void Progress::operator()() {
     line_ = line;
     fmt::print("\r\033[K{}", line);
     shown_ = true;
-  } else if (++calls_ % kCallsPerLine == 0) {
+  } else if (++calls_ % kCallsPerLine == kFirstLine) {
     fmt::print("{}\n", line);
   }
   std::fflush(stdout);

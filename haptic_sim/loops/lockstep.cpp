@@ -3,6 +3,7 @@
 #include "model/error.hpp"
 #include "program/engine_orders.hpp"
 #include "program/join.hpp"
+#include "program/leave.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
 
@@ -15,8 +16,6 @@
 namespace subworld {
 
 namespace {
-
-constexpr double kReportAcknowledged_s = 1.0;  ///< that the last report may take to arrive
 
 /// The haptic process in lock-step.
 class LockstepLoop : HapticRun {
@@ -51,7 +50,7 @@ class LockstepLoop : HapticRun {
     measures.sent(order_.sent_ratio());
     if (last_) {
       send_last_command(ports, device_, 1);
-      ports.reports.wait_for_acknowledgments(kReportAcknowledged_s);
+      await_arrival(ports.reports, ports.status, kWorldSim, Clock::now());
     } else {
       ending.by = name_of_signal(stop_signal());
     }

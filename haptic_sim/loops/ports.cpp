@@ -2,6 +2,7 @@
 
 #include "coupling/schemes/scheme.hpp"
 #include "model/joined.hpp"
+#include "program/leave.hpp"
 
 #include <fmt/core.h>
 
@@ -44,7 +45,6 @@ std::string HapticPorts::foreign_programs() const {
 
 void send_last_command(HapticPorts& ports, const DeviceState& state, int times) {
   constexpr std::chrono::milliseconds kAgain{5};
-  constexpr double kAcknowledged_s = 5.0;  // that it may take to arrive on a busy machine
   DeviceCommand command;
   command.device = state.device;
   command.session = ports.session;
@@ -56,7 +56,7 @@ void send_last_command(HapticPorts& ports, const DeviceState& state, int times) 
     if (i > 0) std::this_thread::sleep_for(kAgain);
     ports.command.write(command);
   }
-  ports.command.wait_for_acknowledgments(kAcknowledged_s);
+  await_arrival(ports.command, ports.status, {ProgramKind::device_sim, state.device}, Clock::now());
 }
 
 }  // namespace subworld

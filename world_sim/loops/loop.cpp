@@ -4,6 +4,7 @@
 #include "model/joined.hpp"
 #include "program/engine_orders.hpp"
 #include "program/join.hpp"
+#include "program/leave.hpp"
 #include "rt/stop.hpp"
 #include "wire/await.hpp"
 
@@ -168,21 +169,12 @@ void WorldLoop::end_cycle() {
 }
 
 void WorldLoop::close() {
-  // That the last frames may take to arrive, all users together. A sub-world in lock-step fails without its own. Who
-  // asks the world to stop waits for no one.
-  const bool lockstep = scene.settings.mode == Mode::lockstep;
-  const auto longest_s = [&] { return lockstep && stop_signal() == 0 ? 5.0 : 0.5; };
   world.close();
+  // A sub-world in lock-step fails without its last frame.
+  const double longest_s = scene.settings.mode == Mode::lockstep ? kArrives_s : kArrivesSoon_s;
   const TimePoint begin = Clock::now();
-  for (std::uint32_t u = 0; u < user_count(); ++u) {
-    const auto waits = [&] {
-      return to_seconds(Clock::now() - begin) < longest_s() &&
-             (!lockstep ||
-              (ports.status.hears(ProgramKind::haptic_sim, u) && !ports.status.has_ended(ProgramKind::haptic_sim, u)));
-    };
-    while (!ports.frames[u].wait_for_acknowledgments(0.05) && waits()) {
-    }
-  }
+  for (std::uint32_t u = 0; u < user_count(); ++u)
+    await_arrival(ports.frames[u], ports.status, {ProgramKind::haptic_sim, u}, begin, longest_s);
 }
 
 Ending WorldLoop::ending() const {

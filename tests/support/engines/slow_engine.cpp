@@ -8,7 +8,7 @@ namespace {
 
 std::unique_ptr<subworld::Engine> make_slowly(const subworld::EngineSettings& settings,
                                               std::span<const subworld::Mesh> meshes) {
-  std::this_thread::sleep_for(std::chrono::seconds(5));
+  std::this_thread::sleep_for(std::chrono::seconds(3));
   subworld::EngineSettings bullet = settings;
   bullet.name = "bullet";
   return subworld::make_engine(bullet, meshes);
