@@ -7,13 +7,16 @@
 #include "wire/plugin.hpp"
 #include "wire/topics.hpp"
 
+#include <fcntl.h>
 #include <fmt/chrono.h>
 #include <fmt/core.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -24,14 +27,35 @@ namespace {
 
 namespace files = std::filesystem;
 
+bool has_openssl() { return std::system("command -v openssl > /dev/null") == 0; }
+
 /// Runs openssl in a folder; its words are those of a shell. Throws `Error` (failed) with what it says.
 void must(const files::path& folder, const std::string& words) {
   const std::string command = fmt::format("cd {} && {{ openssl {}; }} > openssl.log 2>&1", shell_word(folder), words);
   if (std::system(command.c_str()) == 0) return;
+  if (!has_openssl()) throw Error(ExitCode::failed, "openssl is missing; install the package openssl");
   std::ifstream log(folder / "openssl.log");
   const std::string text{std::istreambuf_iterator<char>(log), {}};
-  throw Error(ExitCode::failed, fmt::format("openssl {}: {}; is the package openssl installed?", words, text));
+  throw Error(ExitCode::failed,
+              fmt::format("{}: openssl has not ended well; the same command goes on. It says: {}\nof: openssl {}",
+                          folder.string(), text, words));
 }
+
+/// The lock of a folder whose keys are being made; it ends with this object.
+class BeingMade {
+ public:
+  /// Throws `Error` (usage) where another program makes keys there.
+  explicit BeingMade(const files::path& folder) : file_(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+      throw Error(ExitCode::usage, fmt::format("{}: another program makes keys here; wait for its end", folder.string()));
+  }
+  ~BeingMade() { close(file_); }
+  BeingMade(const BeingMade&) = delete;
+  BeingMade& operator=(const BeingMade&) = delete;
+
+ private:
+  int file_;
+};
 
 void write(const files::path& file, const std::string& text) {
   if (!(std::ofstream(file) << text).flush())
@@ -121,6 +145,13 @@ std::vector<Role> roles(int users) {
   return all;
 }
 
+/// Whether a folder's name is that of a role.
+bool is_role(const std::string& name) {
+  const std::string start = name.substr(0, name.find_last_of('_') + 1);
+  return name == "world_sim" || name == "gui_headless" || name == "subworld" || start == "haptic_sim_" ||
+         start == "device_sim_";
+}
+
 std::string rule(const char* kind, const std::vector<std::string>& topics, const std::string& partition) {
   if (topics.empty()) return {};
   std::string text = fmt::format("<{}><topics>", kind);
@@ -154,17 +185,6 @@ bool is_complete(const files::path& folder, const std::vector<std::string>& name
   });
 }
 
-std::vector<std::string> encrypted_topics(const files::path& all) {
-  std::ifstream file(all / "governance.p7s");
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (text.find("rtps_protection_kind>ENCRYPT") != std::string::npos) return {kAllTopics};
-  std::vector<std::string> topics = topic_names();
-  std::erase_if(topics, [&](const std::string& topic) {
-    return text.find("topic_expression>" + topic + "<") == std::string::npos;
-  });
-  return topics;
-}
-
 /// In the order of topic_names(), each once.
 std::vector<std::string> in_order(const std::vector<std::string>& encrypt) {
   const auto asked = [&](const std::string& topic) { return std::ranges::count(encrypt, topic) > 0; };
@@ -183,6 +203,17 @@ std::vector<std::string> topic_names() {
   return names;
 }
 
+std::vector<std::string> encrypted_topics(const std::string& folder) {
+  std::ifstream file(files::path(folder) / "governance.p7s");
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (text.find("rtps_protection_kind>ENCRYPT") != std::string::npos) return {kAllTopics};
+  std::vector<std::string> topics = topic_names();
+  std::erase_if(topics, [&](const std::string& topic) {
+    return text.find("topic_expression>" + topic + "<") == std::string::npos;
+  });
+  return topics;
+}
+
 int users_with_keys(const std::string& folder) {
   int users = 0;
   while (is_complete(files::path(folder) / fmt::format("haptic_sim_{}", users), kOfRole)) ++users;
@@ -192,13 +223,17 @@ int users_with_keys(const std::string& folder) {
 void make_keys(const KeysRequest& request) {
   if (request.folder.empty()) throw Error(ExitCode::usage, "names no folder for the keys");
   const files::path all = files::absolute(request.folder);
+  umask(S_IRWXG | S_IRWXO);  // a key is the owner's alone
+  files::create_directories(all);
+  const BeingMade lock(all);
   const bool adds = is_complete(all, {"authority.pem"}), governed = is_complete(all, {"governance.p7s"});
   std::vector<Role> missing = roles(request.users);
   std::erase_if(missing, [&](const Role& role) { return adds && is_complete(all / role.name, kOfRole); });
   if (missing.empty())
-    throw Error(ExitCode::usage, fmt::format("{}: has keys for {} users already; name another folder, or more users",
-                                             all.string(), users_with_keys(all)));
-  const std::vector<std::string> encrypted = in_order(request.encrypt), before = encrypted_topics(all);
+    throw Error(ExitCode::usage,
+                fmt::format("{}: has keys for {} user{} already; name another folder, or more users", all.string(),
+                            users_with_keys(all), users_with_keys(all) == 1 ? "" : "s"));
+  const std::vector<std::string> encrypted = in_order(request.encrypt), before = encrypted_topics(all.string());
   if (adds && governed && encrypted != before)
     throw Error(ExitCode::usage,
                 fmt::format("{}: its keys were made {}; do so again, or name another folder", all.string(),
@@ -207,8 +242,6 @@ void make_keys(const KeysRequest& request) {
     throw Error(ExitCode::usage,
                 fmt::format("{}: has no authority_key.pem, which makes more keys; call this where the keys were made",
                             all.string()));
-  umask(S_IRWXG | S_IRWXO);  // a key is the owner's alone
-  files::create_directories(all);
   const std::string days = std::to_string(request.days);
   if (!adds)
     must(all, fmt::format("{} -keyout authority_key.pem -out authority.pem -days {} -subj '/CN=Subworld authority'",
@@ -256,7 +289,8 @@ std::vector<std::string> key_faults(const std::string& folder, const std::vector
   std::vector<std::string> faults;
   if (!files::is_directory(folder)) return {fmt::format("{}: is no folder; `subworld keys make` makes one", folder)};
   const files::path all = files::absolute(folder);
-  if (!holds(all, "command -v openssl")) return {"openssl is missing, which checks keys; install the package openssl"};
+  if (!has_openssl()) return {"openssl is missing, which checks keys; install the package openssl"};
+  if (access(all.c_str(), R_OK | X_OK) != 0) return {fmt::format("{}: cannot be read by this user", all.string())};
   check_files(all, {"authority.pem", "governance.p7s"}, faults);
   if (!faults.empty()) return faults;
   const auto check = [&](const files::path& where, const std::string& words, const std::string& what) {
@@ -276,9 +310,9 @@ std::vector<std::string> key_faults(const std::string& folder, const std::vector
     check(all, same_key("authority.pem", "authority_key.pem"), "authority_key.pem does not belong to authority.pem");
   }
   for (const auto& entry : files::directory_iterator(all)) {
-    if (!entry.is_directory()) continue;
     const files::path& own = entry.path();
     const std::string role = own.filename().string();
+    if (!entry.is_directory() || !is_role(role)) continue;
     if (!roles.empty() && std::ranges::find(roles, role) == roles.end()) continue;
     const std::size_t before = faults.size();
     check_files(own, kOfRole, faults);

@@ -24,6 +24,9 @@ inline constexpr const char* kAllTopics = "all";
 /// openssl. Throws `Error` (usage) where all users have keys already, and (failed) where openssl fails.
 void make_keys(const KeysRequest& request);
 
+/// The topics that are encrypted with the keys of a folder, or kAllTopics.
+[[nodiscard]] std::vector<std::string> encrypted_topics(const std::string& folder);
+
 /// Users for whom a folder has keys.
 [[nodiscard]] int users_with_keys(const std::string& folder);
 

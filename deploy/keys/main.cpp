@@ -2,6 +2,7 @@
 #include "io/results/output.hpp"
 #include "keys/keys.hpp"
 #include "model/error.hpp"
+#include "model/joined.hpp"
 #include "tools.hpp"
 
 #include <fmt/core.h>
@@ -48,7 +49,11 @@ int main_of(int argc, char** argv) {
   }
   const std::vector<std::string> faults = key_faults(request.folder, roles);
   for (const std::string& fault : faults) fmt::print("{}\n", fault);
-  if (faults.empty()) fmt::print("{}: nothing is wrong\n", request.folder);
+  if (faults.empty()) {
+    const std::vector<std::string> encrypted = encrypted_topics(request.folder);
+    fmt::print("{}: nothing is wrong\nencrypted: {}\n", request.folder,
+               encrypted.empty() ? "no topic" : joined(encrypted, ", "));
+  }
   return static_cast<int>(faults.empty() ? ExitCode::done : ExitCode::failed);
 }
 

@@ -258,13 +258,21 @@ void bridge(const Request& request) {
     users.emplace_back(*bus, ros, user, request.rate_hz,
                        driven ? std::optional(request.first_port + user) : std::nullopt);
   }
-  fmt::print("subworld ros2: domain {} for ROS 2, of the run {}; {} users\n", request.ros_domain,
-             request.options.network.domain, users.size());
+  Watched<Status> statuses(*bus, {});
+  Status status;
+  fmt::print("subworld ros2: domain {} for ROS 2, of the run {}; {} user{}\n", request.ros_domain,
+             request.options.network.domain, users.size(), users.size() == 1 ? "" : "s");
   std::fflush(stdout);
   watch_stop_signals(kLongestEnd_s);
   constexpr std::chrono::microseconds kLook{500};
   const auto until = SteadyClock::now() + std::chrono::duration<double>(request.options.wait_s);
-  for (bool over = false; !over && stop_signal() == 0;) {
+  constexpr std::chrono::milliseconds kLastCommands{300};  // after the world has ended
+  auto end = SteadyClock::time_point::max();
+  for (bool over = false; !over && SteadyClock::now() < end && stop_signal() == 0;) {
+    while (statuses.take(status)) {
+      const bool ends = status.program == ProgramKind::world_sim && status.state == kStoppingState;
+      if (ends) end = std::min(end, SteadyClock::now() + kLastCommands);
+    }
     if (!world.pass() && SteadyClock::now() > until)
       throw Error(
           ExitCode::middleware,

@@ -94,6 +94,9 @@ class Run {
     const auto distant = [&](const SessionHost& host) { return plan_.is_distant(host); };
     if (!request_.namespaces && request_.host.empty() && !std::ranges::all_of(session_.hosts, distant))
       session_.domain = claim_domain(session_.domain, domain_claim_);
+    if (session_.domain == request_.ros_domain)
+      throw Error(ExitCode::usage, fmt::format("--ros2 {}: is the domain of the run; choose another for one of the two",
+                                               request_.ros_domain));
     claim_folder(options.out, session_.name, folder_claim_);
     std::filesystem::remove_all(out() + "/hosts");
     if (request_.host.empty())
@@ -114,6 +117,9 @@ class Run {
                run_.realtime() ? "real time" : "lock-step", settings.duration_s,
                one_host ? "" : fmt::format("{} hosts, ", session_.hosts.size()), session_.domain, out());
     if (request_.page) fmt::print("subworld: page: {}\n", page_address(live()));
+    if (request_.ros_domain >= 0)
+      fmt::print("subworld: ROS 2: domain {}, its log is {}/logs/ros2.log{}\n", request_.ros_domain, out(),
+                 request_.options.network.secure.empty() ? "" : "; what is published there has no keys");
     if (live().port && one_host) fmt::print("subworld: viewers: {}\n", viewers_text(live()));
     if (settings.users > 1 && one_host)
       fmt::print("subworld: {} users; {}\n", settings.users, user_limit(session_.domain));

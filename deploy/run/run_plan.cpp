@@ -101,7 +101,7 @@ std::vector<std::string> RunPlan::flags_of(const Host& host, const RunProgram& p
   if (program.user >= 0) add("--user", std::to_string(program.user));
   if (!options.trace.empty() && program.name != "gui_headless") add("--trace", trace_part(host.folder(), program));
   if (world) add("--resume", options.resume);
-  if (world && request.gui) flags.emplace_back("--await-display");
+  if (world && (request.gui || request.ros_domain >= 0)) flags.emplace_back("--await-display");
   std::ranges::move(own_flags_of(options, program.name, program.user), std::back_inserter(flags));
   if (!is_placed_by_hand(program.name)) add("--core", to_text(placement.of(program.name)));
   return flags;
@@ -197,6 +197,8 @@ RunPlan plan_run(const RunRequest& given, Scene& scene) {
     check_network(network);
   }
   check_secure(plan);
+  if (const Command ros2 = plan.ros2(); request.ros_domain >= 0 && access(ros2.file.c_str(), X_OK) != 0)
+    throw Error(ExitCode::failed, fmt::format("--ros2: {} is missing; build it with deploy/build tools", ros2.file));
   check_resume(options);
   check_without(options, scene);
   if (request.page || request.session.empty()) choose_live_port(options.live, request.page);

@@ -73,12 +73,14 @@ Options read_options(const YamlMap& map) {
   std::vector<const char*> argv;
   for (const std::string& word : words) argv.push_back(word.c_str());
   Options options;
-  CommandLine line("session", "");
+  CommandLine line("subworld run", "");
   add_run_options(line, options);
   add_device_options(line, options);
   add_live_options(line, options.live, "");
   add_bodies_options(line, options);
   add_checkpoint_options(line, options);
+  std::optional<int> ros_domain;
+  line.add("--ros2", &ros_domain, "");
   try {
     (void)line.parse(static_cast<int>(argv.size()), argv.data());
     (void)imply_browser(options);
@@ -89,8 +91,9 @@ Options read_options(const YamlMap& map) {
        {std::tuple{!options.network.interface_address.empty(), "interface", "the interface of each host"},
         std::tuple{options.network.host_users > 0, "host-users", "the programs of each host"},
         std::tuple{!options.network.peers.empty(), "peers", "the address of each host"},
+        std::tuple{ros_domain.has_value(), "ros2", "`subworld ros2` on one of the hosts"},
         std::tuple{!options.resume.empty(), "resume", "--restart on-failure, with which a world goes on by itself"}}) {
-    if (set) flags->fail(fmt::format("{} is not a flag of a session; give {}", flag, instead));
+    if (set) flags->fail(fmt::format("{} is not a flag of a session; use {}", flag, instead));
   }
   return options;
 }

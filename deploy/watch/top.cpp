@@ -25,7 +25,7 @@ namespace {
 using TopClock = std::chrono::steady_clock;
 constexpr auto kRefresh = std::chrono::milliseconds(1000);
 /// A program publishes its status once a second: the newest one of each arrives in this time.
-constexpr auto kFirstLook = std::chrono::milliseconds(1500);
+constexpr auto kFirstLook = std::chrono::milliseconds(1500), kFirstSecureLook = std::chrono::milliseconds(4000);
 constexpr const char* kUnknown = "-";
 
 /// A domain that is joined for its statuses.
@@ -196,6 +196,7 @@ std::string table_of(const DomainView& view) {
   }
   if (view.statuses.empty() && view.programs.empty() && view.fault.empty())
     text += "  no program is received: none runs, or it runs in another network namespace or on another interface\n";
+  bool silent = false;
   for (const RunningProgram& one : view.programs) {
     const bool heard = std::ranges::any_of(view.statuses, [&](const Status& status) {
       return label_of(status.program, status.instance) == label_of(one);
@@ -203,8 +204,10 @@ std::string table_of(const DomainView& view) {
     if (!heard) {
       text += fmt::format("  {:<14} {:<11} {:>8} {}\n", label_of(one), one.network.dds, one.pid,
                           one.suspended ? "suspended" : "no status received");
+      silent |= !one.suspended;
     }
   }
+  if (silent) text += "  of a run with keys, statuses are received with its --secure, and with its --dds\n";
   return text;
 }
 
@@ -213,7 +216,7 @@ void show_top(const TopRequest& request) {
   domains.look();
   watch_stop_signals();
   if (request.once || isatty(STDOUT_FILENO) == 0) {
-    std::this_thread::sleep_for(kFirstLook);
+    std::this_thread::sleep_for(request.network.secure.empty() ? kFirstLook : kFirstSecureLook);
     fmt::print("{}", domains.text());
     return;
   }

@@ -7,7 +7,9 @@
 #include <gtest/gtest.h>
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <linux/if_ether.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -369,6 +371,13 @@ TEST(Keys, FaultsAreNamed) {
   make_keys({.folder = keys.sound(), .users = 3});
   EXPECT_EQ(users_with_keys(keys.sound()), 3);
   EXPECT_EQ(files::last_write_time(first), made);
+  files::create_directory(keys.sound() / "logs");  // of no role
+  EXPECT_EQ(key_faults(keys.sound()), std::vector<std::string>{});
+  const int folder = open(keys.sound().c_str(), O_RDONLY | O_DIRECTORY);
+  ASSERT_EQ(flock(folder, LOCK_EX), 0);
+  EXPECT_THROW(make_keys({.folder = keys.sound(), .users = 4}), Error) << "another program makes keys there";
+  close(folder);
+  EXPECT_EQ(users_with_keys(keys.sound()), 3);
   files::remove(keys.sound() / "device_sim_2/permissions.p7s");  // as one that was interrupted
   for (const char* encrypt : {kAllTopics, "device_state"})
     EXPECT_THROW(make_keys({.folder = keys.sound(), .users = 3, .encrypt = {encrypt}}), Error) << "they only sign";

@@ -86,6 +86,8 @@ class Docs : public ProcessTest, public ::testing::WithParamInterface<std::strin
   void expect_command(Words words, const Environment& environment) const {
     words.front() = program("subworld");
     const std::string command = words.size() > 1 ? words[1] : "";
+    // Debian 13 has no SDFormat.
+    if (command == "import" && access(program("subworld_import").c_str(), X_OK) != 0) return;
     for (std::string& word : words) {
       if (word.starts_with("deploy/")) word = std::string(SOURCE_FOLDER) + "/" + word;
     }

@@ -16,6 +16,7 @@
 #include <cctype>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <new>
 
 namespace subworld {
@@ -272,6 +273,10 @@ int guarded(const char* program, const std::function<int()>& body) noexcept {
     return static_cast<int>(wrong.code());
   } catch (const std::bad_alloc&) {
     fmt::print(stderr, "{}: error: there is too little memory{}\n", program, memory_limit_text());
+    return static_cast<int>(ExitCode::failed);
+  } catch (const std::filesystem::filesystem_error& wrong) {
+    fmt::print(stderr, "{}: error: {}: {}; choose another place, or change the rights\n", program,
+               wrong.path1().string(), wrong.code().message());
     return static_cast<int>(ExitCode::failed);
   } catch (const std::exception& wrong) {
     fmt::print(stderr, "{}: error: {}{}\n", program, wrong.what(), memory_limit_text());

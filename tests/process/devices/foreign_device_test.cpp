@@ -79,6 +79,24 @@ TEST_P(ForeignDevice, OfRos2FeelsTheRunAndDrivesAUser) {
   EXPECT_NEAR(std::stod(heard["turn_rate"]) / amplitude, 9.8, 0.3) << peer.out();
 }
 
+// The world waits for the program that shows it to ROS 2, which ends with it.
+class Ros2 : public ProcessTest {};
+
+TEST_F(Ros2, IsShownARunAndChangesNothing) {
+  const TestDomain ros;
+  ASSERT_EQ(run(scene("press"), {"--mode", "lockstep", "--duration", "0.1"}).code, 0);
+  const std::string hash = summary()["state_hash"];
+  const Ended ended =
+      run(scene("press"), {"--mode", "lockstep", "--duration", "0.1", "--dds", "mixed", "--ros2", ros.text()});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(summary()["verdict"], "ok");
+  EXPECT_EQ(summary()["state_hash"], hash);
+  EXPECT_NE(ended.out.find("ROS 2: domain " + ros.text()), std::string::npos) << ended.out;
+  const Ended refused = run(scene("press"), {"--mode", "lockstep", "--ros2", domain_.text()});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("is the domain of the run"), std::string::npos) << refused.err;
+}
+
 INSTANTIATE_TEST_SUITE_P(Vendors, ForeignDevice, ::testing::Values("fastdds"),
                          [](const auto& one) { return one.param; });
 INSTANTIATE_TEST_SUITE_P(FullRealtime, ForeignDevice, ::testing::Values("cyclonedds"),
