@@ -94,7 +94,8 @@ void StatusBeacon::hear_end(const Status& status, std::size_t slot, std::uint64_
     Heard& heard = heard_of_[slot];
     if (status.state == kRunning) heard = {.ran = true, .process = heard.process, .last_words = {}};
     // A program that has run does not begin anew: this is another one, whose end is not that of the first.
-    heard.another = heard.another || (heard.ran && !failed && status.state != kRunning && status.state != kStoppingState);
+    heard.another =
+        heard.another || (heard.ran && !failed && status.state != kRunning && status.state != kStoppingState);
     heard.newest = participant;
     if (!failed && !heard.another) heard.last_words.clear();  // started anew before the run
     if (!heard.another) heard.stopped = status.state == kStoppingState;

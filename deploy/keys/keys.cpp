@@ -47,7 +47,8 @@ class BeingMade {
   /// Throws `Error` (usage) where another program makes keys there.
   explicit BeingMade(const files::path& folder) : file_(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
     if (flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-      throw Error(ExitCode::usage, fmt::format("{}: another program makes keys here; wait for its end", folder.string()));
+      throw Error(ExitCode::usage,
+                  fmt::format("{}: another program makes keys here; wait for its end", folder.string()));
   }
   ~BeingMade() { close(file_); }
   BeingMade(const BeingMade&) = delete;
@@ -230,9 +231,8 @@ void make_keys(const KeysRequest& request) {
   std::vector<Role> missing = roles(request.users);
   std::erase_if(missing, [&](const Role& role) { return adds && is_complete(all / role.name, kOfRole); });
   if (missing.empty())
-    throw Error(ExitCode::usage,
-                fmt::format("{}: has keys for {} user{} already; name another folder, or more users", all.string(),
-                            users_with_keys(all), users_with_keys(all) == 1 ? "" : "s"));
+    throw Error(ExitCode::usage, fmt::format("{}: has keys for {} user{} already; name another folder, or more users",
+                                             all.string(), users_with_keys(all), users_with_keys(all) == 1 ? "" : "s"));
   const std::vector<std::string> encrypted = in_order(request.encrypt), before = encrypted_topics(all.string());
   if (adds && governed && encrypted != before)
     throw Error(ExitCode::usage,

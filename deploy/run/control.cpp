@@ -28,9 +28,11 @@ SceneDescription find_world(Bus& bus, Reader<SceneDescription>& scene, const Net
     if (Clock::now() > until) {
       throw Error(
           ExitCode::middleware,
-          fmt::format("no world on domain {} within {} s; `subworld run` prints its domain, give it with --domain; on "
-                      "another host, name it with --peers and give --interface{}",
-                      network.domain, wait_s, network.secure.empty() ? "; where it has keys, give --secure" : "; give its own keys and its --dds"));
+          fmt::format(
+              "no world on domain {} within {} s; `subworld run` prints its domain, give it with --domain; on "
+              "another host, name it with --peers and give --interface{}",
+              network.domain, wait_s,
+              network.secure.empty() ? "; where it has keys, give --secure" : "; give its own keys and its --dds"));
     }
     bus.wait(0.05);
   }

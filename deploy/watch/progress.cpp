@@ -18,8 +18,8 @@ namespace subworld {
 namespace {
 
 constexpr int kCallsPerLine = 50, kFirstLine = 10;  ///< of ten calls a second, where lines are not rewritten
-constexpr double kSlow = 0.9;       ///< real-time factor below which the remaining time is shown
-constexpr double kStalled_s = 3.0;  ///< a loop in lock-step names after 2 s the peer that it waits for
+constexpr double kSlow = 0.9;                       ///< real-time factor below which the remaining time is shown
+constexpr double kStalled_s = 3.0;                  ///< a loop in lock-step names after 2 s the peer that it waits for
 
 std::string starting_line(const Status& world, std::size_t bodies) {
   if (world.state != "loading" && world.state != "settling") return world.state;

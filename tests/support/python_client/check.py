@@ -2,6 +2,7 @@
 """Checks the Python modules: check.py WHAT FOLDER, with the build's programs."""
 
 import fcntl
+import json
 import math
 import os
 import re
@@ -149,6 +150,13 @@ def module(folder):
             expect(time.monotonic() < end, "no force in lock-step")
         expect("paused" in live.control("pause"), live.log)
         expect("resumed" in live.control("resume"), live.log)
+    try:
+        subworld.run("press", folder / "long", timeout_s=1, mode="lockstep", duration=600, dds="cyclonedds")
+        expect(False, "it is not stopped")
+    except subworld.SubworldError as wrong:
+        expect("within 1 s" in str(wrong), str(wrong))
+    stopped = json.loads((folder / "long" / "summary.json").read_text(encoding="utf-8"))
+    expect(stopped["verdict"].startswith("stopped by SIGTERM"), stopped["verdict"])
     try:
         subworld.run("no_such_scene", folder / "none")
         expect(False, "no error")
