@@ -104,9 +104,10 @@ TEST_P(WireOpen, two_buses_in_one_process_come_and_go) {
 }
 
 TEST_P(WireOpen, one_process_has_buses_of_several_empty_domains) {
-  const auto first = open_bus(config_of(GetParam(), 34)), second = open_bus(config_of(GetParam(), 35));
-  const auto third = open_bus(config_of(GetParam(), 36));
-  EXPECT_NE(third->effective_settings().find("domain=36"), std::string::npos);
+  const test::TestDomain second_domain, third_domain;
+  const auto first = open_bus(config()), second = open_bus(config_of(GetParam(), second_domain.number()));
+  const auto third = open_bus(config_of(GetParam(), third_domain.number()));
+  EXPECT_NE(third->effective_settings().find("domain=" + third_domain.text()), std::string::npos);
 }
 
 TEST_P(WireOpen, a_wait_without_news_ends_and_a_wake_up_before_it_is_not_lost) {

@@ -33,8 +33,6 @@ namespace {
 namespace files = std::filesystem;
 using test::until;
 
-constexpr int kDomain = 33;
-
 void make(const files::path& folder) { make_keys({.folder = folder.string(), .users = 2}); }
 
 /// Replaces a text in a file of any kind by one of the same length.
@@ -150,10 +148,13 @@ const Attack kAttacks[] = {
     {"the role of a command", "subworld control", [](const KeyStore& keys) { return keys.sound(); }},
 };
 
-/// Says again, unchanged and changed, what others say on loopback in this test's domain.
+/// Says again, unchanged and changed, what others say on loopback in a domain.
 class Repeater {
  public:
-  Repeater() : heard_(socket(AF_PACKET, SOCK_DGRAM, htons(ETH_P_IP))), said_(socket(AF_INET, SOCK_DGRAM, 0)) {}
+  explicit Repeater(int domain)
+      : domain_(domain),
+        heard_(socket(AF_PACKET, SOCK_DGRAM, htons(ETH_P_IP))),
+        said_(socket(AF_INET, SOCK_DGRAM, 0)) {}
   ~Repeater() { close(heard_), close(said_); }
   Repeater(const Repeater&) = delete;
   Repeater& operator=(const Repeater&) = delete;
@@ -168,8 +169,8 @@ class Repeater {
       if (std::memcmp(&packet_[udp], &own_port_, 2) == 0) continue;
       sockaddr_in to{.sin_family = AF_INET, .sin_port = 0, .sin_addr = {}, .sin_zero = {}};
       std::memcpy(&to.sin_port, &packet_[udp + 2], 2);
-      constexpr int kFirst = 7400 + 250 * kDomain;
-      if (ntohs(to.sin_port) < kFirst || ntohs(to.sin_port) >= kFirst + 250) continue;  // of another test
+      const int first = 7400 + 250 * domain_;
+      if (ntohs(to.sin_port) < first || ntohs(to.sin_port) >= first + 250) continue;  // of another test
       to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
       for (int changes = 0; changes < 3; ++changes) {
         if (changes > 0) packet_[message + 20 + random_() % (end - message - 20)] ^= 1U << (random_() % 8);
@@ -193,6 +194,7 @@ class Repeater {
   }
 
  private:
+  int domain_;
   int heard_;
   int said_;
   in_port_t own_port_ = 0;
@@ -204,12 +206,13 @@ class WireSecure : public ::testing::TestWithParam<Vendor> {
  protected:
   [[nodiscard]] std::unique_ptr<Bus> open(const std::string& program) const { return open(program, keys_.sound()); }
   [[nodiscard]] std::unique_ptr<Bus> open(const std::string& program, const files::path& keys) const {
-    BusConfig config = test::config_of(GetParam(), kDomain);
+    BusConfig config = test::config_of(GetParam(), domain_.number());
     config.secure = keys.string();
     config.participant_name = program;
     return open_bus(config);
   }
   KeyStore keys_;
+  const test::TestDomain domain_;
 };
 
 TEST_P(WireSecure, OnlyTheDeviceIsHeardAsTheDevice) {
@@ -225,11 +228,11 @@ TEST_P(WireSecure, OnlyTheDeviceIsHeardAsTheDevice) {
     const files::path out = keys_.path(std::string(attack.name) + ".out");
     files::create_directories(out);
     attackers.push_back(
-        std::make_unique<test::Process>(test::Words{peer, name_of(GetParam()), std::to_string(kDomain), "lockstep",
-                                                    "as_device", "3", attack.prepare(keys_), attack.program},
+        std::make_unique<test::Process>(test::Words{peer, name_of(GetParam()), domain_.text(), "lockstep", "as_device",
+                                                    "3", attack.prepare(keys_), attack.program},
                                         out));
   }
-  Repeater repeater;
+  Repeater repeater(domain_.number());
   std::uint64_t sequence = 0, heard = 0;
   int repeated = 0;
   DeviceState sent, state;
@@ -318,7 +321,7 @@ TEST_P(WireSecure, EachRolePublishesItsTopicsOnly) {
 // All is signed; what the governance names is encrypted, too.
 TEST_P(WireSecure, HidesTheTopicsThatAreToBeHidden) {
   constexpr std::uint64_t kMark = 0x5375'6277'6f72'6c64;
-  Repeater listener;
+  Repeater listener(domain_.number());
   if (!listener.permitted()) GTEST_SKIP() << "needs the right to read packets";
   const files::path hidden = keys_.path("hidden");
   make_keys({.folder = hidden, .users = 1, .encrypt = {"device_state"}});
