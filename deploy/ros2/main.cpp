@@ -3,6 +3,7 @@
 #include "io/results/output.hpp"
 #include "model/error.hpp"
 #include "model/tool_link.hpp"
+#include "ros2/rate_limit.hpp"
 #include "ros2/ros.hpp"
 #include "rt/stop.hpp"
 #include "tools.hpp"
@@ -35,26 +36,6 @@ struct Request {
   double rate_hz = 1000.0;  ///< of wrenches and poses, at most
 };
 
-/// Lets messages pass at a mean rate, Hz. Those of 10 ms may come at once.
-class RateLimit {
- public:
-  explicit RateLimit(double rate_hz) : period_(1.0 / rate_hz), ahead_(std::max(period_, kAtOnce)) {}
-  bool passes() {
-    const Instant now = SteadyClock::now();
-    next_ = std::max(next_, now + period_ - ahead_);
-    if (now < next_) return false;
-    next_ += period_;
-    return true;
-  }
-
- private:
-  using Seconds = std::chrono::duration<double>;
-  using Instant = std::chrono::time_point<SteadyClock, Seconds>;
-  static constexpr Seconds kAtOnce{0.01};
-  Seconds period_, ahead_;
-  Instant next_{};
-};
-
 /// A user's force and pose for ROS 2, and the poses of ROS 2 for the user's device `udp`.
 class UserBridge {
  public:
@@ -81,11 +62,11 @@ class UserBridge {
   /// Returns whether the run is over for this user.
   bool pass() {
     while (commands_.take(command_))
-      if (wrench_rate_.passes())
+      if (wrench_rate_.passes(SteadyClock::now()))
         wrenches_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(command_.wrench.force),
                          ros2::to_ros(command_.wrench.torque)});
     while (states_.take(state_))
-      if (pose_rate_.passes())
+      if (pose_rate_.passes(SteadyClock::now()))
         poses_.write({ros2::header_of(command_.stamp_s), ros2::to_ros(state_.pose.position, state_.pose.orientation)});
     if (moves_) drive();
     return command_.last;
@@ -115,7 +96,7 @@ class UserBridge {
     }
   }
 
-  RateLimit wrench_rate_, pose_rate_;
+  ros2::RateLimit wrench_rate_, pose_rate_;
   Watched<DeviceCommand> commands_;
   Watched<DeviceState> states_;
   Ros::Writer<ros2::WrenchStamped> wrenches_;
