@@ -101,14 +101,17 @@ void judge_worlds(const Facts& facts, Findings& out) {
                                : fmt::format("subworld control stop --domain {}", *facts.domain.number)});
 }
 
-/// Programs that wait on a domain without a world, while a world is on another one. Peers may have theirs.
+/// Programs that wait on a domain without a world, while a world on another one lacks them. Peers may have theirs.
 std::vector<RunningProgram> strayed(const Facts& facts, const RunningProgram& world) {
   std::vector<RunningProgram> found;
   const auto& all = facts.domain.programs;
   for (const RunningProgram& one : all) {
     const bool has_world = std::ranges::any_of(
         all, [&](const RunningProgram& other) { return other.name == "world_sim" && other.domain == one.domain; });
-    if (!has_world && one.domain != world.domain && one.network.peers.empty()) found.push_back(one);
+    const bool is_lacking = std::ranges::none_of(all, [&](const RunningProgram& other) {
+      return other.domain == world.domain && label_of(other) == label_of(one);
+    });
+    if (!has_world && one.domain != world.domain && is_lacking && one.network.peers.empty()) found.push_back(one);
   }
   return found;
 }

@@ -209,6 +209,15 @@ TEST(DoctorChecks, EachFaultHasOneFindingWithItsCure) {
   for (const Check& check : checks()) EXPECT_TRUE(seen.contains(check.name)) << check.name << " has no fault here";
 }
 
+// It may belong to another run, which is yet to begin.
+TEST(DoctorChecks, AProgramWhoseRoleIsTakenHasNotStrayed) {
+  Facts facts = healthy();
+  facts.domain.programs.push_back(facts.domain.programs[1]);
+  facts.domain.programs.back().pid = 20;
+  facts.domain.programs.back().domain = 0;
+  EXPECT_EQ(text_of(judge(facts)), "");
+}
+
 TEST(DoctorChecks, ACommandForRootSaysSo) {
   Facts facts = healthy();
   facts.machine.root = false;
