@@ -204,7 +204,10 @@ def sweep(scene, axes: dict, out, repeats: int = 1, jobs: int = 1, measure=row_o
         note = folder.with_suffix(".json")
         if not note.exists():
             shutil.rmtree(folder, ignore_errors=True)
-            result = run(scene, folder, set={**base, **cell}, **settings)
+            try:
+                result = run(scene, folder, set={**base, **cell}, **settings)
+            except SubworldError as wrong:
+                raise SubworldError(f"{cell}: {wrong}", wrong.code) from wrong
             if result.verdict.startswith("stopped"):
                 raise SubworldError(f"{cell}: {result.verdict}; call the sweep again, and it goes on")
             note.write_text(asked, encoding="utf-8")  # only now: a run that was interrupted is run again

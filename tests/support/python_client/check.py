@@ -155,6 +155,11 @@ def module(folder):
         expect(False, "it is not stopped")
     except subworld.SubworldError as wrong:
         expect("within 1 s" in str(wrong), str(wrong))
+    try:
+        subworld.sweep("press", {"friction": [1]}, out=folder / "wrong")
+        expect(False, "no error")
+    except subworld.SubworldError as wrong:
+        expect(str(wrong).startswith("{'friction': 1}: "), str(wrong))
     stopped = json.loads((folder / "long" / "summary.json").read_text(encoding="utf-8"))
     expect(stopped["verdict"].startswith("stopped by SIGTERM"), stopped["verdict"])
     try:
