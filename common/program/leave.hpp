@@ -12,10 +12,10 @@
 namespace subworld {
 
 inline constexpr double kArrives_s = 5.0;      ///< that a message may take on a busy machine
-inline constexpr double kArrivesSoon_s = 0.5;  ///< the same where nobody waits for it
+inline constexpr double kArrivesSoon_s = 0.5;  ///< longest wait for one in real time, and after a stop signal
 
-/// Waits until a peer has acknowledged what `writer` has sent, as long as it lives, and at most `longest_s` from
-/// `begin` on. Who asks to stop waits for no one.
+/// Waits until a peer has acknowledged what `writer` has sent. Gives up where the peer has ended or is silent, and
+/// `longest_s` after `begin`.
 template <class M>
 void await_arrival(Writer<M>& writer, const StatusBeacon& status, const Peer& peer, TimePoint begin,
                    double longest_s = kArrives_s) {

@@ -30,6 +30,8 @@ std::string vendor_of(const std::string& dds, int position) {
   return position % 2 == 0 ? "fastdds" : "cyclonedds";
 }
 
+std::string ros2_program() { return (program_folder() / "subworld_ros2").string(); }
+
 }  // namespace
 
 bool RunPlan::is_distant(const SessionHost& host) const {
@@ -108,7 +110,7 @@ std::vector<std::string> RunPlan::flags_of(const Host& host, const RunProgram& p
 }
 
 Command RunPlan::ros2() const {
-  Command command{(program_folder() / "subworld_ros2").string(), settings_flags_of(request.options)};
+  Command command{ros2_program(), settings_flags_of(request.options)};
   const auto add = [&](const char* flag, std::string value) {
     command.arguments.insert(command.arguments.end(), {flag, std::move(value)});
   };
@@ -197,8 +199,9 @@ RunPlan plan_run(const RunRequest& given, Scene& scene) {
     check_network(network);
   }
   check_secure(plan);
-  if (const Command ros2 = plan.ros2(); request.ros_domain >= 0 && access(ros2.file.c_str(), X_OK) != 0)
-    throw Error(ExitCode::failed, fmt::format("--ros2: {} is missing; build it with deploy/build tools", ros2.file));
+  if (request.ros_domain >= 0 && access(ros2_program().c_str(), X_OK) != 0)
+    throw Error(ExitCode::failed,
+                fmt::format("--ros2: {} is missing; build it with deploy/build tools", ros2_program()));
   check_resume(options);
   check_without(options, scene);
   if (request.page || request.session.empty()) choose_live_port(options.live, request.page);

@@ -111,7 +111,9 @@ bool fields(auto& archive, Is<ControlReply> auto& m) {
 }
 
 /// State in a `Status` of a program that ends with an error; `text` is the reason.
-inline constexpr const char *kFailedState = "failed", *kStoppingState = "stopping";
+inline constexpr const char* kFailedState = "failed";
+/// State of one that ends in order.
+inline constexpr const char* kStoppingState = "stopping";
 
 /// Topic `status`, keyed by program and instance: each program sends one a second.
 struct Status {
