@@ -129,10 +129,12 @@ int report(RunResults& run, const Ended& ended, const RunRequest& request, const
   const std::string picture = folder + "/picture.png";
   const bool pictured = std::filesystem::exists(picture);
   if (!ended.display.empty()) run.display = ended.display;
+  const bool of_ros = run.display && run.display->starts_with("ros2");
   // The files come last: the disk may be full.
-  fmt::print(
-      "state hash {}\nverdict: {}{}\n", run.state_hash, run.verdict,
-      run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture") : "");
+  fmt::print("state hash {}\nverdict: {}{}\n", run.state_hash, run.verdict,
+             of_ros        ? fmt::format("; {}: see logs/ros2.log", *run.display)
+             : run.display ? fmt::format("; the display failed ({}){}", *run.display, pictured ? "" : ": no picture")
+                           : "");
   std::fflush(stdout);
   write_summary(run, ended, folder);
   fmt::print("summary: {}/summary.json\n", folder);
